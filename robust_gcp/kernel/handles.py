@@ -157,7 +157,7 @@ class Trackers:
         self._numbers: Array = np.zeros(0)
 
     def __call__(self) -> Array:
-        """See `maps.cluster.plain`."""
+        """See `maps.cluster.tracker_numbers`."""
         if self._fetch is not None:
             self._numbers, self._fetch = self._fetch(), None
         return self._numbers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Callable, Generator, Iterator, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -105,8 +106,10 @@ class Acting:
             self._control, torque = torque.control, torque.constant
         supplied = torque if callable(torque) and not self.held else None
         self.asks = supplied is not None
-        self._changes = bool(driving.which) or (self._control is not None and self._control.constant is None)
-        self._changes = self._changes or (self._held is not None and bool(self._held.stride))
+        constant = self._control is None or self._control.constant is not None
+        self._varying = None if constant else self._control
+        changes = self._held is not None and bool(self._held.stride)  # within the step that it is held over
+        self._changes = changes or self._varying is not None or bool(driving.which)
         self._supplied, self._forces, self._nv = supplied, forces, nv
         self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
@@ -130,8 +133,8 @@ class Acting:
     def prescribe(self, t: float) -> None:
         """Tell what moves as prescribed, and controls and activations that change, at a single time, s."""
         self._driving.prescribe(t)
-        if self._control is not None and self._control.constant is None:
-            self._now[:] = self._control.over(np.array([t]))[0]
+        if self._varying is not None:
+            self._now[:] = self._varying.over(np.array([t]))[0]
             self._request.control, self._request.control_stride = address(self._now), 0
             self._request.control_rows = 1
         elif self._held is not None and self._held.stride:
@@ -143,9 +146,9 @@ class Acting:
         self._inside = None
         if within is not None and self._held is not None and self._held.stride:
             self._inside = np.array([self._held.u(t) for t in within.tolist()])
-        if self._control is not None and self._control.constant is None:
-            self._inside = None if within is None else np.ascontiguousarray(self._control.over(within))
-            self._rows = self._control.stages(times, shares)
+        if self._varying is not None:
+            self._inside = None if within is None else np.ascontiguousarray(self._varying.over(within))
+            self._rows = self._varying.stages(times, shares)
             self._request.control, self._request.control_stride = address(self._rows), self._rows.shape[2]
             self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
         self._request.control_within = address(self._inside)
@@ -162,15 +165,12 @@ class Acting:
         if self._held is not None:
             self.tau[:] = self._held.value
         if at_any_time and self._changes:
-            told = telling(self.prescribe, self.raised)
-            next(told)
-            self._telling = TorqueCallback(told.send)
+            self._telling = answering(self.prescribe, self.raised)
             self._request.tell = self._telling
         if self._supplied is not None or self._forces is not None:
             energy = bool(self._request.ends.energy)
-            answers = answering(self._supplied, self._forces, self._shared, self.raised, energy)
-            next(answers)
-            self._callback = TorqueCallback(answers.send)
+            answer = torque_answer(self._supplied, self._forces, self._shared, energy)
+            self._callback = answering(answer, self.raised)
             self._request.torque = self._callback
 
     def failure(self) -> BaseException | None:
@@ -186,34 +186,25 @@ class Acting:
             raise failure
 
 
-def answering(
-    supplied: CheckedTorque | None,
-    forces: OwnForces | None,
-    shared: Sequence[Array],
-    raised: list[BaseException],
-    energy: bool,
-) -> Generator[int, float, None]:
-    """Takes a time, writes τ and gives 0; gives 1 after an exception, which cannot pass through C++.
+def answering(answer: Callable[[float], None], raised: list[BaseException]) -> Any:
+    """A callback that has a time answered and gives 0; 1 after an exception, which cannot pass through C++.
 
     A signal that arrives while the kernel works is handled by the first Python that runs after it.
     In a function that would be its entry, outside any `try`, and ctypes would swallow what the
-    handler raises. A generator is resumed inside its `try`. It knows nothing of the workspace, which
-    would otherwise outlive its run until the collector runs.
+    handler raises. A generator is resumed inside its `try`.
     """
-    q, v, tau, stored = shared
+    answers = _answers(answer, raised)
+    next(answers)
+    return TorqueCallback(answers.send)
+
+
+def _answers(answer: Callable[[float], None], raised: list[BaseException]) -> Generator[int, float, None]:
     asked = False
     try:
         while True:
             t = yield 0
             asked = True
-            if forces is None:
-                assert supplied is not None  # there is no callback without either
-                tau[:] = supplied(t, q, v)
-            else:
-                own, stored[0] = forces.torque_at(q, v)
-                if energy:
-                    stored[1] = forces.energy(q)
-                tau[:] = own if supplied is None else own + supplied(t, q, v)
+            answer(t)
             asked = False
     except BaseException as error:
         if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
@@ -222,16 +213,23 @@ def answering(
     yield 1
 
 
-def telling(prescribe: Callable[[float], None], raised: list[BaseException]) -> Generator[int, float, None]:
-    """Takes a time, has it told and gives 0; gives 1 after an exception: see `answering`."""
-    try:
-        while True:
-            prescribe((yield 0))
-    except GeneratorExit:  # nobody will ask again
-        raise
-    except BaseException as error:
-        raised.append(error)
-    yield 1
+def torque_answer(
+    supplied: CheckedTorque | None, forces: OwnForces | None, shared: Sequence[Array], energy: bool
+) -> Callable[[float], None]:
+    """Writes τ at a time; it knows nothing of the workspace, which would otherwise outlive its run."""
+    q, v, tau, stored = shared
+
+    def answer(t: float) -> None:
+        if forces is None:
+            assert supplied is not None  # there is no callback without either
+            tau[:] = supplied(t, q, v)
+            return
+        own, stored[0] = forces.torque_at(q, v)
+        if energy:
+            stored[1] = forces.energy(q)
+        tau[:] = own if supplied is None else own + supplied(t, q, v)
+
+    return answer
 
 
 @contextlib.contextmanager
@@ -242,11 +240,9 @@ def asking(mechanism: Mechanism, states: Arrays, function: CheckedTorque | None)
         return
     shared, places = side_by_side({"q": mechanism.nq, "v": mechanism.nv, "tau": mechanism.nv, "stored": 2})
     raised: list[BaseException] = []
-    answers = answering(function, None, shared, raised, False)
-    next(answers)
     for name, place in places.items():
         setattr(states.structure, f"torque_{name}", place)
-    callback = TorqueCallback(answers.send)
+    callback = answering(torque_answer(function, None, shared, False), raised)
     setattr(states.structure, "torque", callback)  # noqa: B010 - a structure of `States`, by its field
     yield
     if raised:

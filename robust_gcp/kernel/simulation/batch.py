@@ -12,16 +12,12 @@ from numpy.typing import NDArray
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.tableau import Tableau
-from ...maps.cluster.obstacles import Obstacle
 from ...maps.cluster.options import BridgeOptions
 from ...maps.explicit import Crossing, Point
 from ...mechanism.tree.tree import Array
 from ..handles import Trackers
 from ..structures import Arrays, Bridging, OutputRows, Reason, Request, address
 from .guard import ErrorControl, Guard, Watch, dop853
-
-OBSTACLES = {Reason.OBSTACLE: Obstacle("unknown", np.empty(0), 0.0, np.nan, "no bridge leads on from here")}
-"""What was met where Python need not look again."""
 
 
 def counted(request: Request) -> dict[str, int]:

@@ -154,6 +154,7 @@ class NativeSteps:
         best: float = 0.0,
         control: ErrorControl | None = None,
         within: tuple[Array, NDArray[np.int64]] | None = None,
+        looks: bool = True,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where Python has to take them.
 
@@ -168,6 +169,8 @@ class NativeSteps:
         within : (ndarray (k,), ndarray of int (N + 1,)), optional
             Times of outputs within the steps, and how many of them come before each of `times`. Where the
             kernel does not take them, the steps end before one that has some, or are that one.
+        looks : bool
+            Whether it is to take them.
         """
         workspace, trackers = self._at(explicit)
         if workspace is None:
@@ -183,7 +186,7 @@ class NativeSteps:
                 return None
             n = len(prescribed) - 1
         sizes, looked = (mechanism.nq, mechanism.nv, wanted, driven), None
-        if within is not None and workspace.looks_within and control is None:
+        if within is not None and looks and workspace.looks_within and control is None:
             before = within[1][: n + 1]
             at = within[0][: before[-1]]
             told = None if self._drive is None else self._drive.stages(at, (0.0,))
@@ -191,7 +194,8 @@ class NativeSteps:
                 looked = Within(at, before, Outputs.room(len(at), *sizes), told)
         if within is not None and looked is None:
             n = min(n, max(1, int(np.searchsorted(within[1], 0, side="right")) - 1))
-        outputs = replace(Outputs.room(n, *sizes), within=looked)
+        outputs = Outputs.room(n, *sizes)
+        outputs = outputs if looked is None else replace(outputs, within=looked)
         limits = zone, options, trackers, 1, watch, best, prescribed, control
         return workspace.run(times[: n + 1], x, now, outputs, *limits)
 

@@ -71,6 +71,10 @@ class Obstacle:
         return float(np.linalg.norm(x - self.x)) <= self.radius
 
 
+UNBRIDGED = Obstacle("unknown", np.empty(0), 0.0, np.nan, "no bridge leads on from here")
+"""What the compiled kernel met, where nobody need look again."""
+
+
 class ObstacleError(SimulationError):
     """A fixed step would come near a singular place without a bridge."""
 

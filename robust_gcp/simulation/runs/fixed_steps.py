@@ -7,11 +7,11 @@ from typing import Any
 
 from ...dynamics.equations import Evaluation
 from ...errors import BranchError, NonFiniteError, ToggleError
-from ...kernel.simulation.batch import OBSTACLES, Batch
+from ...kernel.simulation.batch import Batch
 from ...kernel.simulation.guard import Guard, Watch
 from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...kernel.structures import Reason
-from ...maps.cluster.obstacles import Obstacle, ObstacleError
+from ...maps.cluster.obstacles import UNBRIDGED, ObstacleError
 from ...maps.explicit import Point
 from ...mechanism.tree.tree import Array
 from .crossings import in_new_chart
@@ -121,8 +121,8 @@ class FixedRun(RefinedRun):
                     self._leave()
                 if self._native is not None and by_kernel:
                     i, going = self._natively(self._native, i, last, now)
-                    if self._met is not None:
-                        raise ObstacleError(self._met)
+                    if self._unbridged:
+                        raise ObstacleError(UNBRIDGED)
                     if i == last or self._ended or self.paused:
                         return
                     if going is None:
@@ -172,7 +172,7 @@ class FixedRun(RefinedRun):
         Returns the output that was reached, and the evaluation there; none where other coordinates were
         taken.
         """
-        self._met: Obstacle | None = None  # by the last batch
+        self._unbridged = False  # whether the kernel says so of the step that comes next
         while i < last:
             batch = self._batch(native, i, last, now)
             if batch is None:
@@ -194,8 +194,8 @@ class FixedRun(RefinedRun):
             self.paused = batch.reason is Reason.MET
             if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
                 return i, None
-            python = batch.reason in OBSTACLES and self._looked_for(i + 1)  # whose step has outputs within
-            self._met = None if python else OBSTACLES.get(batch.reason)
+            if batch.reason is Reason.OBSTACLE:  # what has outputs within, Python goes on with
+                self._unbridged = not self._looked_for(i + 1)
             if batch.reason not in (Reason.DONE, Reason.CHART):
                 break
         return i, now
@@ -238,15 +238,14 @@ class FixedRun(RefinedRun):
             times, wanted = self.times[i : end + 1], self._record.wanted
             watch, best = self._watch_coordinates(), self._recovery.best
             control = self._control(i) if self._recovery.error_controlled else None
-            aside = self._schedule.plain or self._events
-            within = None if aside else self._schedule.between(i, end)
-            return native.take(self._kernel_map(), now, self._x, times, wanted, watch, best, control, within)
+            within = None if self._schedule.plain else self._schedule.between(i, end)
+            more = watch, best, control, within, not self._events
+            return native.take(self._kernel_map(), now, self._x, times, wanted, *more)
 
         if not self._events:
             return take(last)
-        until = min(last, max(self._schedule.free_until(i), i + 1))
         stride, self._stride = self._stride, max(2 * self._stride, FEW)
-        batch = take(i + 1 if callable(self._torque) else min(until, i + stride))
+        batch = take(i + 1 if callable(self._torque) else min(last, i + stride))
         if batch is None or batch.steps < 2:
             return batch
         ends = self.times[i + 1 : i + 1 + batch.steps]

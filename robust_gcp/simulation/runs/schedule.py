@@ -67,8 +67,6 @@ ALL = Keep(1)
 MAX_OUTPUTS = 100_000_000
 """Most steps of a run: q and v of a four-bar alone then take 5 GB."""
 
-NONE = range(0)
-
 SAME = 1e-9
 """Share of a step within which an output is at the end of one."""
 
@@ -121,12 +119,6 @@ class Schedule:
         return self.outputs is self.times
 
     @cached_property
-    def _interrupted(self) -> NDArray[np.int64]:
-        """The numbers of the steps, by their ends, that have outputs within."""
-        taken = self.first + (self.row >= 0)
-        return np.flatnonzero(self.first[1:] > taken[:-1]) + 1
-
-    @cached_property
     def _inside(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """The outputs within steps, and how many of them come before each of `times`."""
         aside = np.ones(len(self.outputs), dtype=bool)
@@ -146,18 +138,9 @@ class Schedule:
             return None
         return self.outputs[rows[before[i] : before[last]]], before[i : last + 1] - before[i]
 
-    def within(self, i: int) -> range:
+    def within(self, i: int) -> list[int]:
         """The outputs between the step's ends i − 1 and i."""
-        if self.plain or not len(self._interrupted):
-            return NONE
-        return range(int(self.first[i - 1] + (self.row[i - 1] >= 0)), int(self.first[i]))
-
-    def free_until(self, i: int) -> int:
-        """The last end of a step after i before one that has outputs within; i itself where that is next."""
-        if self.plain or not len(self._interrupted):
-            return len(self.times) - 1
-        k = np.searchsorted(self._interrupted, i, side="right")
-        return int(self._interrupted[k]) - 1 if k < len(self._interrupted) else len(self.times) - 1
+        return [] if self.plain else self.rows_within(i - 1, i).tolist()
 
 
 def planned(
