@@ -6,7 +6,7 @@
 
 namespace rg {
 
-constexpr std::int32_t VERSION = 30;
+constexpr std::int32_t VERSION = 31;
 
 enum Reason : std::int32_t {
     DONE = 0,
@@ -169,7 +169,7 @@ struct OutputRows {
 };
 
 struct Request {
-    std::int64_t steps, every;
+    std::int64_t steps;
     std::int64_t first;       // number of the time to begin from; outputs are those of times 1, 2, …
     const double* times;      // (first + steps + 1,)
     double zone;              // conditioning below which the regular path ends
@@ -186,6 +186,7 @@ struct Request {
     const double* control;    // of the actuators, at `first` and each stage after it, one row after the other; or null
     std::int32_t control_stride;  // numbers from row to row; 0 where they are constant
     std::int32_t control_rows;    // the last one counts for all that would come after it
+    Torque looked;            // told when each step ends that is done; the batch ends where it gives not 0; or null
     Torque tell;              // makes rows 0 of `control` and `prescribed` those of a time, for error control; or null
     const double* trackers;   // as `rg_trackers` gave them
     const double* prescribed; // (times, stages, 3, driven): y, ẏ and ÿ at each time and stage after it; or null
@@ -203,7 +204,7 @@ struct Request {
     double* ydd;              // (m,), in and out
     double* tau;              // (nv,), in and out
     double* safe;             // out: point, state of the last well-conditioned output
-    OutputRows ends;          // at the ends of steps, one row every `every` of them
+    OutputRows ends;          // at the ends of steps
     OutputRows within;        // at times within steps,
     const double* times_within;  // increasing,
     const std::int64_t* before;  // (steps + 1,): how many of them come before each of `times`; or null

@@ -12,7 +12,7 @@ import numpy as np
 
 from ..mechanism.tree.tree import Array
 
-VERSION = 30
+VERSION = 31
 """Of the interface; a library with another one is not used."""
 
 TorqueCallback: Any = ctypes.CFUNCTYPE(c_int32, c_double)
@@ -114,7 +114,7 @@ class Request(ctypes.Structure):
     """A batch of steps: what to do, where to write, and what came of it."""
 
     _fields_ = [
-        *_all(c_int64, "steps every first"),
+        *_all(c_int64, "steps first"),
         ("times", c_void_p),
         ("zone", c_double),
         ("bridging", ctypes.POINTER(Bridging)),
@@ -126,6 +126,7 @@ class Request(ctypes.Structure):
         ("torque", TorqueCallback),
         *_fields("", "torque_q torque_v torque_tau torque_stored held control"),
         *_fields("control_stride control_rows", ""),
+        ("looked", TorqueCallback),
         ("tell", TorqueCallback),
         *_fields("", "trackers prescribed effort"),
         *_fields("stages", "tableau guard solver"),

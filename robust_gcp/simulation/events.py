@@ -116,6 +116,8 @@ class Events:
         What was found, for each event.
     ended_by : int or None
         Which terminal event ended the run.
+    pending : bool
+        Whether the last step that `met` was asked for has events that are still to be found.
     """
 
     def __init__(self, asked: Sequence[Event], start: float, step: float) -> None:
@@ -124,7 +126,7 @@ class Events:
         self.q: list[list[Array]] = [[] for _ in asked]
         self.v: list[list[Array]] = [[] for _ in asked]
         self.ended_by: int | None = None
-        self._left = start
+        self._left, self.pending = start, False
         self._values: Array = np.zeros(0)
 
     def __bool__(self) -> bool:
@@ -135,14 +137,13 @@ class Events:
         """Take note of the state from which the next step begins."""
         self._left, self._values = t, self._at(t, q, v)
 
-    def first_met(self, t: Array, q: Array, v: Array) -> int | None:
-        """The first row whose step, ending at its time, has an event; the next step begins before it."""
-        for j, when in enumerate(t.tolist()):
-            after = self._at(when, q[j], v[j])
-            if self._changed(self._left, self._values, after):
-                return j
-            self._left, self._values = when, after
-        return None
+    def met(self, t: float, q: Array, v: Array) -> bool:
+        """Whether the step that ends there has one; else the next step begins there."""
+        after = self._at(t, q, v)
+        self.pending = bool(self._changed(self._left, self._values, after))
+        if not self.pending:
+            self._left, self._values = t, after
+        return self.pending
 
     def zeros(self, q: Array, v: Array, step: Between) -> list[Zero]:
         """Those in the step to q and v, by time, up to one that ends the run; the next step begins there.
@@ -150,7 +151,7 @@ class Events:
         A zero at the start of a run ends nothing: a run may begin where another ended.
         """
         left, before, after = self._left, self._values, self._at(step.t1, q, v)
-        self._left, self._values = step.t1, after
+        self._left, self._values, self.pending = step.t1, after, False
         times = [(self._zero(k, before, after, step), k) for k in self._changed(left, before, after)]
         found = []
         for t, k in sorted(times):

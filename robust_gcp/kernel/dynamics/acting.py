@@ -153,15 +153,19 @@ class Acting:
             self._request.control_rows = self._rows.shape[0] * self._rows.shape[1]
         self._request.control_within = address(self._inside)
 
-    def listen(self, at_any_time: bool = False) -> None:
+    def listen(self, at_any_time: bool = False, looked: Callable[[float], bool] | None = None) -> None:
         """The torque held, or a callback for the next batch, and where it leaves an exception.
 
         Parameters
         ----------
         at_any_time : bool
             Whether the batch asks at times of its own what moves as prescribed, and what controls are.
+        looked : callable (t), optional
+            Told when each step ends; the batch ends there where it says so.
         """
         self.raised = []
+        self._looked = NO_CALLBACK if looked is None else answering(looked, self.raised)
+        self._request.looked = self._looked
         if self._held is not None:
             self.tau[:] = self._held.value
         if at_any_time and self._changes:
@@ -175,9 +179,10 @@ class Acting:
 
     def failure(self) -> BaseException | None:
         """What a function or a force raised since `listen`; None where that is not why the kernel stopped."""
-        if self._request.reason != Reason.TORQUE:
-            return None
-        return self.raised[0] if self.raised else KeyboardInterrupt()  # between two lines of the generator
+        if self.raised:
+            return self.raised[0]
+        stopped = self._request.reason == Reason.TORQUE  # between two lines of the generator
+        return KeyboardInterrupt() if stopped else None
 
     def require_answered(self) -> None:
         """Raise it."""
@@ -186,8 +191,10 @@ class Acting:
             raise failure
 
 
-def answering(answer: Callable[[float], None], raised: list[BaseException]) -> Any:
-    """A callback that has a time answered and gives 0; 1 after an exception, which cannot pass through C++.
+def answering(answer: Callable[[float], bool | None], raised: list[BaseException]) -> Any:
+    """A callback that has a time answered and gives 0; 1 where that says so, and after an exception.
+
+    Which cannot pass through C++.
 
     A signal that arrives while the kernel works is handled by the first Python that runs after it.
     In a function that would be its entry, outside any `try`, and ctypes would swallow what the
@@ -198,13 +205,15 @@ def answering(answer: Callable[[float], None], raised: list[BaseException]) -> A
     return TorqueCallback(answers.send)
 
 
-def _answers(answer: Callable[[float], None], raised: list[BaseException]) -> Generator[int, float, None]:
-    asked = False
+def _answers(
+    answer: Callable[[float], bool | None], raised: list[BaseException]
+) -> Generator[int, float, None]:
+    asked, stop = False, 0
     try:
         while True:
-            t = yield 0
+            t = yield stop
             asked = True
-            answer(t)
+            stop = int(bool(answer(t)))
             asked = False
     except BaseException as error:
         if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again

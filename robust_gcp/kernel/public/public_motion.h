@@ -194,7 +194,7 @@ class PublicMotion {
 
     Request request() {
         Request r{};
-        r.every = 1, r.zone = of_.zone, r.bridging = of_.bridging, r.tau = tau_.data(), r.safe = safe_.data();
+        r.zone = of_.zone, r.bridging = of_.bridging, r.tau = tau_.data(), r.safe = safe_.data();
         r.sizes = charts_[chart_]->watch.sizes, r.control_rows = CONTROL_ROWS, r.control = held_.data();
         return r;
     }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -73,6 +73,9 @@ def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
     return numbers
 
 
+Looked = Callable[[float, Array, Array], bool]
+"""Told the end of a step, by t, q and v; whether to stop there."""
+
 NAMES = tuple(field[0] for field in OutputRows._fields_)
 
 
@@ -120,6 +123,12 @@ class Outputs:
         kept = {name: getattr(self, name) for name in NAMES}
         cut: dict[str, Any] = {name: None if rows is None else rows[first:end] for name, rows in kept.items()}
         return Outputs(**cut)
+
+
+def one_by_one(looked: Looked, outputs: Outputs, first: int = 0) -> Callable[[float], bool]:
+    """What is told the ends of steps one after the other, by outputs from one on."""
+    ends = zip(outputs.q[first:], outputs.v[first:], strict=True)
+    return lambda t: looked(t, *next(ends))
 
 
 @dataclass(frozen=True)

@@ -44,7 +44,7 @@ class _RowSpace(Workspace):
     def many(self, rows: Any, zone: float, options: BridgeOptions, watch: Watch | None) -> None:
         """Steps of many motions, which are told by a pointer to `Rows`; the rest as for `run`."""
         r, self._latest, self._packed = self._request, None, None
-        r.every, r.best, r.power = 1, 0.0, 0.0
+        r.best = r.power = 0.0
         self._choices.make(zone, options, watch)
         self._handed.secure()
         self._acting.listen()

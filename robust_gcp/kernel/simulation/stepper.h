@@ -42,7 +42,7 @@ class alignas(CACHE_LINE) Stepper : public StepsWithin {
         bool through = false;  // of a zone that is passed with error control
         for (std::int64_t i = r.first; i < r.first + r.steps && r.reason == DONE && !through; ++i) {
             Reason reason = step(r, i);
-            if (reason == DONE && (i + 1) % r.every == 0) output(r.ends, (i + 1) / r.every - 1, *anchor_, sum_);
+            if (reason == DONE) output(r.ends, i, *anchor_, sum_);
             if (reason == DONE) reason = within(r, i, last_ydd, last_power);
             if (reason != DONE) {
                 r.reason = reason;
@@ -69,6 +69,7 @@ class alignas(CACHE_LINE) Stepper : public StepsWithin {
                 r.safe_step = i + 1;
             }
             if (watch_.exceeds(*accepted_, r.solver ? in_zone == 2 : in_zone != 0)) r.reason = CHART;
+            if (r.looked != nullptr && r.looked(r.times[i + 1]) != 0) r.reason = MET;
             if (guard_.met(path, *accepted_, motion_.v.data(), motion_.ydd.data(), r.times[i + 1] - r.times[i]))
                 r.reason = MET;
         }

@@ -25,7 +25,7 @@ from ...warning import warn
 from ..description import follows_zones
 from ..library import Library, backends, library
 from ..loop_arrays import NotNativeError
-from .batch import Batch, Outputs, Within
+from .batch import Batch, Looked, Outputs, Within
 from .guard import ErrorControl, Guard, Watch
 from .prepared import Prepared
 from .rates import Rates
@@ -154,7 +154,7 @@ class NativeSteps:
         best: float = 0.0,
         control: ErrorControl | None = None,
         within: tuple[Array, NDArray[np.int64]] | None = None,
-        looks: bool = True,
+        looked: Looked | None = None,
     ) -> Batch | None:
         """Steps from times[0] as far as nothing rare happens; None where Python has to take them.
 
@@ -164,13 +164,11 @@ class NativeSteps:
             The evaluation and the state at times[0].
         wanted : sequence of str
             Outputs besides q and v.
-        watch, best, control : Watch, float, ErrorControl, optional
+        watch, best, control, looked : Watch, float, ErrorControl, Looked, optional
             See `Workspace.run`.
         within : (ndarray (k,), ndarray of int (N + 1,)), optional
             Times of outputs within the steps, and how many of them come before each of `times`. Where the
             kernel does not take them, the steps end before one that has some, or are that one.
-        looks : bool
-            Whether it is to take them.
         """
         workspace, trackers = self._at(explicit)
         if workspace is None:
@@ -185,18 +183,18 @@ class NativeSteps:
             if len(prescribed) < min(2, n + 1):
                 return None
             n = len(prescribed) - 1
-        sizes, looked = (mechanism.nq, mechanism.nv, wanted, driven), None
-        if within is not None and looks and workspace.looks_within and control is None:
+        sizes, inside = (mechanism.nq, mechanism.nv, wanted, driven), None
+        if within is not None and workspace.looks_within and control is None:
             before = within[1][: n + 1]
             at = within[0][: before[-1]]
             told = None if self._drive is None else self._drive.stages(at, (0.0,))
             if told is None or len(told) == len(at):
-                looked = Within(at, before, Outputs.room(len(at), *sizes), told)
-        if within is not None and looked is None:
+                inside = Within(at, before, Outputs.room(len(at), *sizes), told)
+        if within is not None and inside is None:
             n = min(n, max(1, int(np.searchsorted(within[1], 0, side="right")) - 1))
         outputs = Outputs.room(n, *sizes)
-        outputs = outputs if looked is None else replace(outputs, within=looked)
-        limits = zone, options, trackers, 1, watch, best, prescribed, control
+        outputs = outputs if inside is None else replace(outputs, within=inside)
+        limits = zone, options, trackers, watch, best, prescribed, control, looked
         return workspace.run(times[: n + 1], x, now, outputs, *limits)
 
     def prepared(
@@ -207,12 +205,13 @@ class NativeSteps:
         outputs: Outputs,
         watch: Watch | None = None,
         best: float = 0.0,
+        looked: Callable[[float], bool] | None = None,
     ) -> Prepared | None:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
         if self._workspace is None or not self._workspace.is_at(now.point):
             return None
         options, zone = limits_of(explicit)
-        return self._workspace.prepared(times, outputs, zone, options, watch, best)
+        return self._workspace.prepared(times, outputs, zone, options, watch, best, looked)
 
     def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
         """ẋ by the kernel from an evaluation at x on; None where it cannot."""

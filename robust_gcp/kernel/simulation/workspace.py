@@ -22,7 +22,7 @@ from ..dynamics.acting import Acting, Driving
 from ..handles import Handle, Layout, Shared
 from ..library import Library
 from ..structures import Beginning, Reason, Request, address
-from .batch import Batch, Begun, Choices, Outputs, counted, crossings
+from .batch import Batch, Begun, Choices, Looked, Outputs, counted, crossings, one_by_one
 from .guard import ErrorControl, Guard, Watch
 from .prepared import Prepared
 from .rates import Rates
@@ -101,11 +101,11 @@ class Workspace:
         zone: float,
         options: BridgeOptions | None = None,
         trackers: Callable[[], Array] | None = None,
-        every: int = 1,
         watch: Watch | None = None,
         best: float = 0.0,
         prescribed: Array | None = None,
         control: ErrorControl | None = None,
+        looked: Looked | None = None,
     ) -> Batch:
         """Steps from times[0] to times[-1], or until something rare happens.
 
@@ -116,13 +116,13 @@ class Workspace:
         x, now : ndarray, Evaluation
             At times[0].
         outputs : Outputs
-            n // every rows.
+            n rows.
         zone, options : float, BridgeOptions, optional
             Where the regular path ends; without options the kernel stops there, and looks at no branches.
         trackers : callable () -> ndarray, optional
             Where `now` is in a zone, and not where the last batch ended.
-        watch : Watch, optional
-            Up to where the steps go on in the same coordinates.
+        watch, looked : Watch, Looked, optional
+            Up to where the steps go on.
         best : float, optional
             Largest conditioning of an output so far; see `runs.recovery`.
         prescribed : ndarray (n + 1, s, 3, driven), optional
@@ -134,7 +134,7 @@ class Workspace:
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
         self._acting.prescribe_over(times, self.shares, outputs.within.times if outputs.within else None)
-        r.steps, r.every, r.first, r.times = len(times) - 1, every, 0, address(times)
+        r.steps, r.first, r.times = len(times) - 1, 0, address(times)
         r.power, r.best = now.power, best
         self._choices.make(zone, options, watch, control=control)
         self._shared.x[:], self._shared.ydd[:] = x, now.ydd
@@ -145,9 +145,9 @@ class Workspace:
             self._begin_at(now.point, trackers)
         outputs.written_by(r)
         self._handed.secure()
-        self._acting.listen(control is not None)
+        self._acting.listen(control is not None, looked and one_by_one(looked, outputs))
         self._library.run(self._handle, self._by_reference)
-        return self._batch(0, int(r.completed), outputs.first(int(r.completed) // every))
+        return self._batch(0, int(r.completed), outputs.first(int(r.completed)))
 
     def _begin_at(self, point: Point, trackers: Callable[[], Array] | None) -> None:
         """Begin the request at a point, in a zone where there are trackers."""
@@ -172,6 +172,7 @@ class Workspace:
         options: BridgeOptions | None,
         watch: Watch | None,
         best: float,
+        looked: Callable[[float], bool] | None,
     ) -> Prepared:
         """Steps to come from the last batch's last point on, under a torque that is held; as `run` else.
 
@@ -183,12 +184,11 @@ class Workspace:
             N + 1 rows.
         """
         r, self._packed = self._request, None
-        r.every, r.times, r.steps, r.first, r.best = 1, address(times), 0, 0, best
+        r.times, r.beginning, r.steps, r.first, r.best = address(times), Beginning.GO_ON, 0, 0, best
         self._choices.make(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
         self._handed.secure()
-        self._acting.listen()
-        r.beginning = Beginning.GO_ON
+        self._acting.listen(looked=looked)
         self._library.run(self._handle, self._by_reference)  # no step: counts begin
         return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau, self)
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from ...dynamics.equations import Evaluation
 from ...errors import BranchError, NonFiniteError, ToggleError
-from ...kernel.simulation.batch import Batch
+from ...kernel.simulation.batch import Batch, Outputs
 from ...kernel.simulation.guard import Guard, Watch
 from ...kernel.simulation.steps import KernelMap, NativeSteps
 from ...kernel.structures import Reason
@@ -21,13 +21,10 @@ from .recovery import Checkpoint
 from .stats import until
 from .steppers import FixedStep as Take
 from .steppers import rk4_step
-from .within_steps import FixedStep, SolverSteps
+from .within_steps import End, FixedStep, SolverSteps
 
 WATCHED = 20
 """Outputs of a batch at which all rows of φ are looked at."""
-
-FEW = 16
-"""Steps of a batch after one with an event, so that little is taken twice; then doubled."""
 
 
 class FixedRun(RefinedRun):
@@ -50,7 +47,7 @@ class FixedRun(RefinedRun):
         self._first = self._motion.first  # told already at the start
         self.guard: Guard | None = None  # after a step in which it is met the run pauses
         self.paused = False
-        self._stride = self.lowest = len(self.times)  # the latter was gone back to, for whoever looks
+        self.lowest = len(self.times)  # was gone back to, for whoever looks
 
     def go(self) -> None:
         """From output to output, except where `Recovery` says otherwise."""
@@ -100,7 +97,7 @@ class FixedRun(RefinedRun):
                 if known is None:
                     if self._last is not None:
                         self._cross(i, float(self.times[i]), now)
-                        self._look_within(i, self._last, now)
+                        self._look_within(i, End.of(self._last, self._behind), now)
                         if self._ended:
                             return
                     elif self._events:
@@ -147,7 +144,7 @@ class FixedRun(RefinedRun):
         self._recovery.changed(self._repartition(i, float(self.times[i]), names))
         return True
 
-    def _look_out(self, i: int, before: Evaluation | None, now: Evaluation) -> None:
+    def _look_out(self, i: int, before: Evaluation | End | None, now: Evaluation) -> None:
         """Pause where the step to time i is to be looked at."""
         if self.guard is not None and before is not None:
             h = float(self.times[i] - self.times[i - 1])
@@ -177,7 +174,7 @@ class FixedRun(RefinedRun):
             batch = self._batch(native, i, last, now)
             if batch is None:
                 break
-            before, self._behind, self._refinement = now, self._x, None
+            begun, self._behind, self._refinement = now, self._x, None
             if batch.steps:
                 self._record.extend(i, batch.outputs, batch.x)
                 now = batch.now
@@ -187,16 +184,19 @@ class FixedRun(RefinedRun):
             i += batch.steps
             if batch.failure is not None:
                 raise batch.failure
-            if batch.steps == 1 and batch.outputs.within is None:
-                self._look_within(i, before, now)
+            self.paused = batch.reason is Reason.MET
+            if batch.steps == 1 and (self._events.pending or not self._schedule.plain):
+                self._look_into(i, End.of(begun, self._behind), batch.outputs)
+            elif self._events.pending:
+                row = End.of_row(self._motion.mechanism, batch.outputs, batch.steps - 2)
+                self._look_into(i, row, batch.outputs)
             if self._ended:
                 break
-            self.paused = batch.reason is Reason.MET
             if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
                 return i, None
             if batch.reason is Reason.OBSTACLE:  # what has outputs within, Python goes on with
                 self._unbridged = not self._looked_for(i + 1)
-            if batch.reason not in (Reason.DONE, Reason.CHART):
+            if batch.reason not in (Reason.DONE, Reason.CHART, Reason.MET) or self.paused:
                 break
         return i, now
 
@@ -228,47 +228,44 @@ class FixedRun(RefinedRun):
         return None if self._coordinates is None else self._coordinates.watch
 
     def _batch(self, native: NativeSteps, i: int, last: int, now: Evaluation) -> Batch | None:
-        """Steps from i on, up to one that has an event within; that one is taken alone.
+        """Steps from i on, up to one that has an event within.
 
-        So is one with outputs within beside events, or where the kernel does not take these. A torque
-        function of the user's is not called for a step once more: beside events each is taken alone.
+        One that has outputs within is taken alone where the kernel does not take these.
         """
+        times, wanted = self.times[i : last + 1], self._record.wanted
+        watch, best = self._watch_coordinates(), self._recovery.best
+        control = self._control(i) if self._recovery.error_controlled else None
+        within = None if self._schedule.plain else self._schedule.between(i, last)
+        more = watch, best, control, within, self._events.met if self._events else None
+        return native.take(self._kernel_map(), now, self._x, times, wanted, *more)
 
-        def take(end: int) -> Batch | None:
-            times, wanted = self.times[i : end + 1], self._record.wanted
-            watch, best = self._watch_coordinates(), self._recovery.best
-            control = self._control(i) if self._recovery.error_controlled else None
-            within = None if self._schedule.plain else self._schedule.between(i, end)
-            more = watch, best, control, within, not self._events
-            return native.take(self._kernel_map(), now, self._x, times, wanted, *more)
+    def _look_into(self, i: int, before: End, rows: Outputs) -> None:
+        """Look into a step of the kernel's, which ended at time i, where it stopped."""
+        now = self._last
+        assert now is not None  # the step was taken over
+        if self._events.pending:
+            self.paused = False
+            self._look_out(i, before, now)
+        self._look_within(i, before, now, told=rows.within is not None)
 
-        if not self._events:
-            return take(last)
-        stride, self._stride = self._stride, max(2 * self._stride, FEW)
-        batch = take(i + 1 if callable(self._torque) else min(last, i + stride))
-        if batch is None or batch.steps < 2:
-            return batch
-        ends = self.times[i + 1 : i + 1 + batch.steps]
-        j = self._events.first_met(ends, batch.outputs.q, batch.outputs.v)
-        if j is None:
-            return batch
-        self._stride = 1
-        return take(i + max(j, 1))
+    def _look_within(self, i: int, before: End, now: Evaluation, told: bool = False) -> None:
+        """Keep outputs and events within the step that ends at time i, which the map is put back to.
 
-    def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
-        """Keep outputs and events within the step that ends at time i, which the map is put back to."""
-        if not self._looked_for(i):
+        With `told` the outputs are kept already.
+        """
+        rows = [] if told else self._schedule.within(i)
+        if not self._events and not rows:
             return
         times = float(self.times[i - 1]), float(self.times[i])
         explicit, mechanism = self._motion.explicit, self._motion.mechanism
         step: FixedStep | SolverSteps | None = self._refinement
         if step is None:
-            step = FixedStep(mechanism, explicit, times, before, now, self._behind, self._x)
+            step = FixedStep(mechanism, explicit, times, before, End.of(now, self._x))
         with self._accuracy():
             zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
-            if not zeros and not self._schedule.within(i):
+            if not zeros and not rows:
                 return  # with the map where it was
-            self._keep_within(i, step, zeros)
+            self._keep_within(rows, step, zeros)
             if not self._ended:
                 explicit.point_at(now.point.y, now.point.ydot)
 

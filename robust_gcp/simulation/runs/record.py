@@ -43,6 +43,8 @@ class Record:
         Tell whether the state ends with the work done, and whether motions are prescribed.
     keep : Keep
         Which rows outlive `forget`.
+    looked_into : bool
+        Whether steps are: a and τ at their ends are then kept until the run is over.
 
     Attributes
     ----------
@@ -58,15 +60,16 @@ class Record:
 
     def __init__(
         self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], equations: EquationsOfMotion,
-        keep: Keep = ALL,
+        keep: Keep = ALL, looked_into: bool = False,
     ) -> None:  # fmt: skip
         n = len(schedule.outputs)
         self.mechanism, self._schedule, self._t = mechanism, schedule, schedule.outputs
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
-        self._a = np.empty((n, mechanism.nv)) if "a" in items else None
+        self._told = {f"_{item}" for item in items}
+        self._a = np.empty((n, mechanism.nv)) if looked_into or "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
-        self._tau = np.zeros((n, mechanism.nv)) if "tau" in items else None
+        self._tau = np.zeros((n, mechanism.nv)) if looked_into or "tau" in items else None
         self.work = np.empty(n) if equations.works else None
         self._driven = equations.columns if isinstance(equations, DrivenEquations) else None
         self._drive = None if self._driven is None else np.full((n, mechanism.nv), np.nan)
@@ -271,7 +274,7 @@ class Record:
             cut("_t"),
             cut("_q"),
             cut("_v"),
-            where_kept("_a"),
+            where_kept("_a") if "_a" in self._told else None,
             where_kept("_energy"),
             where_kept("_multipliers"),
             where_kept("work"),
@@ -282,5 +285,5 @@ class Record:
             [np.array(q).reshape(-1, self.mechanism.nq) for q in events.q],
             [np.array(v).reshape(-1, self.mechanism.nv) for v in events.v],
             events.ended_by,
-            where_kept("_tau"),
+            where_kept("_tau") if "_tau" in self._told else None,
         )

@@ -93,10 +93,10 @@ class Run:
         self._torque, self._schedule, self._counters = torque, schedule, counters
         self._on_toggle, self._progress = on_toggle, progress
         self._named = motion.mechanism if named is None else named
-        self._record = Record(self._named, schedule, record, motion.equations, keep)
         times = schedule.times
         begin, first = float(times[0]), float(times[1] - times[0])
         self._events = events if isinstance(events, Events) else Events(events, begin, first)
+        self._record = Record(self._named, schedule, record, motion.equations, keep, bool(self._events))
         self._ended = False
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         if motion.mechanism is not self._named:
@@ -134,10 +134,10 @@ class Run:
 
     # --------------------------------------------------------------------- within a step
 
-    def _keep_within(self, i: int, step: FixedStep | SolverSteps, zeros: Sequence[Zero]) -> None:
-        """Keep what lies between the ends i − 1 and i: outputs and events, up to one that ends the run."""
+    def _keep_within(self, rows: Sequence[int], step: FixedStep | SolverSteps, zeros: Sequence[Zero]) -> None:
+        """Keep what lies within a step: outputs in `rows`, and events up to one that ends the run."""
         waiting = list(zeros)
-        for row in self._schedule.within(i):
+        for row in rows:
             t = float(self._schedule.outputs[row])
             while waiting and waiting[0].t < t:
                 self._keep_zero(waiting.pop(0), step)

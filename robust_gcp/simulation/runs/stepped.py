@@ -11,6 +11,7 @@ import numpy as np
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
+from ...kernel.simulation.batch import one_by_one
 from ...kernel.simulation.prepared import Prepared
 from ...kernel.simulation.steps import KernelMap, NativeSteps, most_steps
 from ...kernel.structures import Reason
@@ -23,10 +24,11 @@ from ..trajectories.trajectory import Trajectory
 from .fixed_steps import FixedRun
 from .held_torques import HeldTorques
 from .schedule import Schedule
+from .within_steps import End
 
 FIXED = (
-    "_choice", "_torque", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named",
-    "_lean", "acted",
+    "_choice", "_torque", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named", "_lean",
+    "acted",
 )  # fmt: skip
 """What of a run no step changes, or what counts on."""
 
@@ -34,9 +36,8 @@ FIXED = (
 class SteppedRun(FixedRun):
     """A run under a torque that is held over each step, as by a digital controller; it goes on when asked to.
 
-    It has no stops, friction or locks: see `phases.phased_simulation`.
-
-    Where it has to go back over steps that were taken, the torques held then act again.
+    It has no stops, friction or locks: see `phases.phased_simulation`. Where it has to go back over steps
+    that were taken, the torques held then act again.
 
     Parameters
     ----------
@@ -110,7 +111,7 @@ class SteppedRun(FixedRun):
                     self._watch_rows(i, self._watching[i + 1 : i + 1 + n])
                 return
             self.settle()
-            if self.paused:
+            if self.paused or self._ended:
                 self._lean = self._prepared()
                 return
         if turned:
@@ -136,18 +137,22 @@ class SteppedRun(FixedRun):
         self.paused = batch.reason is Reason.MET
         if batch.failure is not None:
             raise batch.failure
+        rows = self._record.rows
+        if self._events.pending and rows is not None:
+            self._look_into(at, End.of_row(self._motion.mechanism, rows, at - 1), rows)
 
     def _prepared(self) -> Prepared | None:
         """Steps of the kernel's alone from the last output on; None where more is to be looked at."""
         rows, last = self._record.rows, self._last
         if self._native is None or self._native.asks or rows is None or last is None:
             return None
-        if self._recovery.error_controlled or self._events or self._progress or self._suspicious(last.point):
+        if self._recovery.error_controlled or self._progress or self._suspicious(last.point):
             return None
         self._begun = self._record.at
         self._watching = rows.q if self._redundant else None
         watch, best = self._watch_coordinates(), self._recovery.best
-        return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best)
+        looked = one_by_one(self._events.met, rows, self._begun + 1) if self._events else None
+        return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best, looked)
 
     @property
     def zone_evaluations(self) -> int:
@@ -234,13 +239,13 @@ class SteppedRun(FixedRun):
         self._torques.now.value = torque
         return super()._evaluated(i)
 
-    def _look_within(self, i: int, before: Evaluation, now: Evaluation) -> None:
+    def _look_within(self, i: int, before: End, now: Evaluation, told: bool = False) -> None:
         """As ever, under the torque of the step before time i, not of the one after it."""
         held = self._torques.now
         after, held.value = held.value, self._torques.on(i - 1)
         if self._looked_for(i) and not np.array_equal(after, held.value, equal_nan=True):
             now = self._motion.equations.at_point(float(self.times[i]), now.point)
-        super()._look_within(i, before, now)
+        super()._look_within(i, before, now, told)
         held.value = after
 
     def _natively(
@@ -263,8 +268,7 @@ class SteppedRun(FixedRun):
         self.settle()
         if not self._record.keeps.all:
             self._slide(self._recovery.safe.i, clock)
-        room = len(self.times)
-        if self.at + n >= room:
+        if self.at + n >= (room := len(self.times)):
             self._schedule = Schedule.every(clock(self._gone, max(2 * room, self.at + n + 1)))
             self._record.grow(self._schedule)
 
@@ -276,16 +280,12 @@ class SteppedRun(FixedRun):
         self._recovery.shift(n)
         self._torques.forget(n)
 
-    def parts(self) -> dict[str, Any]:
-        """What steps change, by name."""
-        return {name: value for name, value in vars(self).items() if name not in FIXED}
-
     def copied(self, parts: dict[str, Any] | None = None) -> dict[str, Any]:
         """A copy of all that steps change, or of such a copy; what they do not change is shared."""
         if parts is None:
             self.settle()
             self._leave()
-            parts = self.parts()
+            parts = {name: value for name, value in vars(self).items() if name not in FIXED}
         shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += unchanging(mechanism)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from ...dynamics.equations import Evaluation
+from ...kernel.simulation.batch import Outputs
 from ...maps.explicit import ExplicitMap
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -17,6 +19,33 @@ Dense = Callable[[float], Array]
 """A solver's dense output: the state x by time."""
 
 
+class End(NamedTuple):
+    """The motion at an end of a step; of the work done, (1,), or none, and its rate."""
+
+    q: Array
+    v: Array
+    a: Array
+    work: Array
+    power: float
+
+    @classmethod
+    def of(cls, now: Evaluation, x: Array) -> End:
+        """By the evaluation there, and the state."""
+        return cls(now.point.q, now.v, now.a, x[2 * len(now.ydd) :], now.power)
+
+    @classmethod
+    def of_row(cls, mechanism: Mechanism, rows: Outputs, k: int) -> End:
+        """By a row that has a and, where something does work, τ; see `Evaluation` for its power."""
+        assert rows.a is not None
+        q, v = rows.q[k], rows.v[k]
+        if rows.work is None or rows.tau is None:
+            return cls(q, v, rows.a[k], np.zeros(0), 0.0)
+        tau, power = (
+            (mechanism.tree.zero, 0.0) if mechanism.applied is None else mechanism.applied.torque_at(q, v)
+        )
+        return cls(q, v, rows.a[k], rows.work[k : k + 1], float((rows.tau[k] - tau) @ v) + power)
+
+
 class FixedStep:
     """A step of RK4 or a tableau: the polynomials through q, v and a at its ends.
 
@@ -24,10 +53,9 @@ class FixedStep:
     ----------
     mechanism : Mechanism
     explicit : ExplicitMap
+        In the chart of the step's end.
     times : (float, float)
-    before, after : Evaluation
-    x0, x1 : ndarray
-        States at the ends, in the present chart.
+    before, after : End
     """
 
     def __init__(
@@ -35,19 +63,13 @@ class FixedStep:
         mechanism: Mechanism,
         explicit: ExplicitMap,
         times: tuple[float, float],
-        before: Evaluation,
-        after: Evaluation,
-        x0: Array,
-        x1: Array,
+        before: End,
+        after: End,
     ) -> None:
-        self._mechanism, self._explicit = mechanism, explicit
+        self._mechanism, self._explicit, self._ends = mechanism, explicit, (before, after)
         self.t0, self.t1 = times
-        q, v, a = (
-            np.array(pair)
-            for pair in ((before.point.q, after.point.q), (before.v, after.v), (before.a, after.a))
-        )
+        q, v, a = (np.array(pair) for pair in zip(before[:3], after[:3], strict=True))
         self._motion = Interpolant(mechanism.tree, np.array(times), q, v, a)
-        self._work = (x0[2 * mechanism.m :], before.power), (x1[2 * mechanism.m :], after.power)
 
     def state(self, t: float) -> tuple[Array, Array]:
         """q and v; the loops are closed to the order of the stepper."""
@@ -56,7 +78,7 @@ class FixedStep:
 
     def x(self, t: float) -> Array:
         """The state at a time of the step: y and u, and the work done by the cubic through its power."""
-        (w0, p0), (w1, p1) = self._work
+        (w0, p0), (w1, p1) = (end[3:] for end in self._ends)
         h = self.t1 - self.t0
         s = (t - self.t0) / h
         work = w0 + s * (
