@@ -183,3 +183,31 @@ def test_refused_trials_are_not_tried_again_in_python(monkeypatch: pytest.Monkey
     start = np.concatenate([mech.home, v0])
     exact = solve_ivp(rate, (0.0, 0.3), start, method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
     assert np.abs(np.concatenate([found.q[-1], found.v[-1]]) - exact).max() < 1e-5
+
+
+@pytest.mark.parametrize("backend", ["python", "native"])
+@pytest.mark.parametrize("torque", [None, pull])
+@pytest.mark.parametrize("by", [1e-3, 1e-4, 1e-5, -1e-4])
+def test_what_lies_within_steps_changes_no_motion(backend: str, torque: Any, by: float) -> None:
+    """Outputs beside a miss, and where the joint turns there: coordinates change in the same steps."""
+    mech, rng = missing(by), np.random.default_rng(4)
+    more: dict[str, Any] = {"torque": torque}
+    plain = run(mech, backend, **more)
+    more |= {
+        "events": lambda t, q, v: v[0],
+        "outputs": np.append(np.sort(rng.uniform(0.66, 0.7, 99)), DURATION),
+    }
+    found = run(mech, backend, **more)
+    assert found.stats.refined_steps == plain.stats.refined_steps > 0
+    np.testing.assert_allclose(found.q[-1], plain.q[-1], rtol=0, atol=2e-8)
+    truth = run(mech, backend, stepper="DOP853", rtol=1e-11, atol=1e-13, **more)
+    np.testing.assert_allclose(found.q, truth.q, rtol=0, atol=2e-8)
+    np.testing.assert_allclose(found.v, truth.v, rtol=0, atol=1e-6)
+    assert len(found.t_events[0]) == len(truth.t_events[0]) == (by > 0.0)
+    np.testing.assert_allclose(found.t_events[0], truth.t_events[0], rtol=0, atol=1e-9)
+    ended = run(mech, backend, **more | {"events": rg.Event(more["events"], terminal=True)})
+    assert ended.ended_by == (0 if by > 0.0 else None)
+    if by > 0.0:
+        assert ended.t[-1] == pytest.approx(truth.t_events[0][0], abs=1e-9)
+        np.testing.assert_allclose(ended.q[-1], truth.q_events[0][0], rtol=0, atol=2e-8)
+    assert found.closure_error().max() < 1e-13

@@ -26,7 +26,7 @@ from .run import Run
 from .solver_rates import Following
 from .stats import extended
 from .steppers import NoProgressError, SolverStep, solver_steps
-from .within_steps import SolverSteps
+from .within_steps import DenseStep
 
 REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 """Tolerances of the error-controlled steps through a zone without a bridge."""
@@ -59,7 +59,6 @@ class RefinedRun(Run):
         self._native: NativeSteps | None = None
         self._following: Following | None = None  # while steps are taken with error control
         self._behind: Array = self._x  # the state before the last step
-        self._refinement: SolverSteps | None = None
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
 
@@ -88,30 +87,43 @@ class RefinedRun(Run):
     def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
-        ends, dense = [t], []
-        looks = self._looked_for(i + 1)  # dense output costs three right-hand sides a step
         if self._following is None or self._following.kept is not begun:
             self._follow_from(begun)
-        while t < end:
+        ended = False
+        while t < end and not ended:
             with bridged.following_true_curve():
                 try:
                     for step in self._refinements(x, np.array([t, end])):
-                        x, t = step.x, step.t1
-                        if looks:
-                            ends.append(t)
-                            dense.append(step.dense())
-                        elif t < end and self._renewed_within(i, begun, t, x):
+                        x, t, ended = step.x, step.t1, self._look_inside(i + 1, step)
+                        if ended or (t < end and self._renewed_within(i, begun, t, x)):
                             break
                 except NoProgressError as error:
                     raise bridged.refusal() from error  # the map knows what stopped it
-            if t < end:
+            if t < end and not ended:
                 assert self._last is not None  # put into the new coordinates
                 bridged, x = self._cluster_map(), self._x
                 self._follow_from(self._last)
-        if looks:
-            self._refinement = SolverSteps(self._motion.explicit, self._motion.mechanism.m, ends, dense)
         self._count_refined(i, 1)
         return x
+
+    def _look_inside(self, i: int, step: SolverStep) -> bool:
+        """Keep outputs and events of a part of the step to time i; whether one ended the run.
+
+        The map is put back to where the part ends.
+        """
+        rows = [row for row in self._schedule.within(i) if step.t0 < self._schedule.outputs[row] <= step.t1]
+        if not rows and not self._events:
+            return False
+        assert self._following is not None and self._following.kept is not None  # at the end of the part
+        now, explicit = self._following.kept, self._motion.explicit
+        within = DenseStep(explicit, self._motion.mechanism.m, step)
+        zeros = self._events.zeros(now.point.q, now.v, within) if self._events else []
+        if zeros and zeros[-1].ends:
+            self._cross(i, step.t1, now)
+        if rows or zeros:
+            self._keep_within(rows, within, zeros)
+            explicit.point_at(now.point.y, now.point.ydot)
+        return self._ended
 
     def _count_refined(self, i: int, steps: int) -> None:
         """Tell of steps with error control from time i on."""

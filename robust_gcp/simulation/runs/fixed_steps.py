@@ -21,7 +21,7 @@ from .recovery import Checkpoint
 from .stats import until
 from .steppers import FixedStep as Take
 from .steppers import rk4_step
-from .within_steps import End, FixedStep, SolverSteps
+from .within_steps import End, FixedStep
 
 WATCHED = 20
 """Outputs of a batch at which all rows of φ are looked at."""
@@ -90,14 +90,15 @@ class FixedRun(RefinedRun):
 
     def advance(self, i: int, last: int, known: Evaluation | None = None) -> None:
         """The steps from time i to time `last`; `known` is the evaluation at i where it was accepted."""
-        recovery = self._recovery
+        recovery, inside = self._recovery, False  # whether the last step was looked into already
         while True:
             try:
                 now = self._evaluated(i) if known is None else known
                 if known is None:
                     if self._last is not None:
                         self._cross(i, float(self.times[i]), now)
-                        self._look_within(i, End.of(self._last, self._behind), now)
+                        if not inside:
+                            self._look_within(i, End.of(self._last, self._behind), now)
                         if self._ended:
                             return
                     elif self._events:
@@ -125,8 +126,10 @@ class FixedRun(RefinedRun):
                     if going is None:
                         continue
                     now = going
-                self._behind, self._refinement, self._renewed_at = self._x, None, None
-                self._x = (self._refined if recovery.error_controlled else self._stepped)(i, now)
+                self._behind, self._renewed_at, inside = self._x, None, recovery.error_controlled
+                self._x = (self._refined if inside else self._stepped)(i, now)
+                if self._ended:
+                    return
                 i += 1
             except (ObstacleError, BranchError, ToggleError) as stop:
                 # the step may have begun too near already: go back to the last safe one
@@ -174,7 +177,7 @@ class FixedRun(RefinedRun):
             batch = self._batch(native, i, last, now)
             if batch is None:
                 break
-            begun, self._behind, self._refinement = now, self._x, None
+            begun, self._behind = now, self._x
             if batch.steps:
                 self._record.extend(i, batch.outputs, batch.x)
                 now = batch.now
@@ -258,16 +261,13 @@ class FixedRun(RefinedRun):
             return
         times = float(self.times[i - 1]), float(self.times[i])
         explicit, mechanism = self._motion.explicit, self._motion.mechanism
-        step: FixedStep | SolverSteps | None = self._refinement
-        if step is None:
-            step = FixedStep(mechanism, explicit, times, before, End.of(now, self._x))
-        with self._accuracy():
-            zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
-            if not zeros and not rows:
-                return  # with the map where it was
-            self._keep_within(rows, step, zeros)
-            if not self._ended:
-                explicit.point_at(now.point.y, now.point.ydot)
+        step = FixedStep(mechanism, explicit, times, before, End.of(now, self._x))
+        zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
+        if not zeros and not rows:
+            return  # with the map where it was
+        self._keep_within(rows, step, zeros)
+        if not self._ended:
+            explicit.point_at(now.point.y, now.point.ydot)
 
     def _kernel_map(self) -> KernelMap:
         explicit = self._motion.explicit

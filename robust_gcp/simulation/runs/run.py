@@ -31,7 +31,7 @@ from .recovery import Checkpoint
 from .schedule import ALL, Keep, Schedule
 from .solver_rates import Following
 from .stats import Stats, Stretches
-from .within_steps import FixedStep, SolverSteps
+from .within_steps import DenseStep, FixedStep
 
 COUNTED = tuple(field.name for field in fields(Counters))
 
@@ -134,7 +134,7 @@ class Run:
 
     # --------------------------------------------------------------------- within a step
 
-    def _keep_within(self, rows: Sequence[int], step: FixedStep | SolverSteps, zeros: Sequence[Zero]) -> None:
+    def _keep_within(self, rows: Sequence[int], step: FixedStep | DenseStep, zeros: Sequence[Zero]) -> None:
         """Keep what lies within a step: outputs in `rows`, and events up to one that ends the run."""
         waiting = list(zeros)
         for row in rows:
@@ -148,7 +148,7 @@ class Run:
         for zero in waiting:
             self._keep_zero(zero, step)
 
-    def _keep_zero(self, zero: Zero, step: FixedStep | SolverSteps) -> None:
+    def _keep_zero(self, zero: Zero, step: FixedStep | DenseStep) -> None:
         """Keep an event; where it ends the run, the state there too."""
         x, m = step.x(zero.t), self._motion.mechanism.m
         if zero.ends:

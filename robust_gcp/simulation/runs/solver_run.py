@@ -19,7 +19,7 @@ from .recovery import Checkpoint
 from .run import Run
 from .solver_rates import Following
 from .steppers import SolverStep, solver_steps
-from .within_steps import SolverSteps
+from .within_steps import DenseStep
 
 
 class AdaptiveRun(Run):
@@ -129,10 +129,10 @@ class AdaptiveRun(Run):
         if self._events:
             self._events.begin(float(self.times[i]), now.point.q, now.v)
 
-    def _zeros(self, step: SolverStep) -> tuple[SolverSteps, list[Zero]]:
+    def _zeros(self, step: SolverStep) -> tuple[DenseStep, list[Zero]]:
         """The motion within a step, and the events there."""
         explicit, m, x = self._motion.explicit, self._motion.mechanism.m, step.x
-        within = SolverSteps(explicit, m, (step.t0, step.t1), (step.between,), self._following.near)
+        within = DenseStep(explicit, m, step, self._following.near)
         if not self._events or not np.all(np.isfinite(x)):
             return within, []
         self._following.near(x)

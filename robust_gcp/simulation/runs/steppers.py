@@ -90,10 +90,6 @@ class SolverStep:
     outputs: list[Array]
     between: Between
 
-    def dense(self) -> Callable[[float], Array]:
-        """The same for ever, while `between` is of the solver's last step alone."""
-        return self.between.dense()
-
 
 def rk4_step(f: RightHandSide, t: float, x: Array, h: float, k1: Array) -> Array:
     """One step of the classical Runge–Kutta method of order 4 (Kutta, 1901).

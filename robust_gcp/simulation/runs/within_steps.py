@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -14,9 +14,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.interpolant import Interpolant
 from .crossings import coordinates
-
-Dense = Callable[[float], Array]
-"""A solver's dense output: the state x by time."""
+from .steppers import SolverStep
 
 
 class End(NamedTuple):
@@ -87,31 +85,24 @@ class FixedStep:
         return np.concatenate([*coordinates(self._explicit, self._mechanism, *self.state(t)), work])
 
 
-class SolverSteps:
-    """One or more steps of a solver of scipy's.
+class DenseStep:
+    """A step of a solver of scipy's, by its dense output; to be asked before the next one.
 
     Parameters
     ----------
     explicit : ExplicitMap
         Gives q and v, on the mode that it follows.
     m : int
-    ends : sequence of float (n + 1,)
-        Ascending, s.
-    dense : sequence of callable (n,)
+    step : SolverStep
     near : callable (x)
         Told of each state before the map is asked for it.
     """
 
     def __init__(
-        self,
-        explicit: ExplicitMap,
-        m: int,
-        ends: Sequence[float],
-        dense: Sequence[Dense],
-        near: Callable[[Array], None] = lambda x: None,
+        self, explicit: ExplicitMap, m: int, step: SolverStep, near: Callable[[Array], None] = lambda x: None
     ) -> None:
-        self._explicit, self._m, self._ends, self._dense, self._near = explicit, m, list(ends), dense, near
-        self.t0, self.t1 = ends[0], ends[-1]
+        self._explicit, self._m, self._step, self._near = explicit, m, step, near
+        self.t0, self.t1 = step.t0, step.t1
 
     def state(self, t: float) -> tuple[Array, Array]:
         """q and v, loops closed."""
@@ -120,8 +111,7 @@ class SolverSteps:
         return point.q, point.G.dot(point.ydot)
 
     def x(self, t: float) -> Array:
-        """The state at a time of the steps."""
-        k = int(np.searchsorted(self._ends[1:-1], t))
-        x = np.asarray(self._dense[k](t))
+        """The state at a time of the step."""
+        x = self._step.between(t)
         self._near(x)
         return x
