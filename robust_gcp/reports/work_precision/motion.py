@@ -28,7 +28,6 @@ class Motion:
 
     scene: Scene
     title: str  # for figures and tables
-    crosses: bool  # whether the motion passes singular configurations
     floor: Reduced | None  # the exact reduced equations, which floors are integrated from
     solve: Callable[[], Reference]
     steps: tuple[int, ...] = STEPS  # steps in each output interval

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
@@ -18,6 +19,10 @@ TIGHT, TIGHTEST = 3e-14, 1e-15
 
 QUADRATURE = 8
 """Gauss–Legendre nodes in each output interval."""
+
+
+CLOSED_FORM = "γ in closed form, Lagrange by hand"
+"""What four-bars are integrated from."""
 
 
 @dataclass(frozen=True)
@@ -64,11 +69,16 @@ def from_energy(times: Array, system: OneDof, start: tuple[float, float], geomet
 
 
 def from_two(
-    times: Array, first: Reduced, second: Reduced, stepper: str, rtol: float, scale: Array, source: str
-) -> Reference:
-    """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`."""
+    times: Array, first: Reduced, second: Reduced, what: tuple[str, str], scale: ArrayLike = 1.0,
+    stepper: str = "DOP853", rtol: float = TIGHT,
+) -> Reference:  # fmt: skip
+    """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`.
+
+    `what` names both sets.
+    """
     _, q, v = integrate(first, times)
     _, other, _ = integrate(second, times, stepper, rtol, rtol * 1e-2)
+    source = f"{what[0]}, DOP853 at rtol = {TIGHT:g}; against {stepper} at {rtol:g} on {what[1]}"
     return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
 
 

@@ -20,6 +20,21 @@ Curves = Callable[[Array], tuple[Array, Array, Array]]
 alone, so that g = D ẏ²."""
 
 
+Read = Callable[[Array], tuple[Array, Array]]
+"""A state ↦ q and v in the joints of a scene."""
+
+
+def joints_reader(curves: Curves) -> Read:
+    """Of (y, ẏ), where the curves are those of all joints."""
+
+    def read(x: Array) -> tuple[Array, Array]:
+        y, ydot = np.split(x, 2)
+        q, G, _ = curves(y)
+        return q, G @ ydot
+
+    return read
+
+
 @dataclass(frozen=True)
 class SeveralDof:
     """Planar bodies in n numbers q that follow m coordinates y."""
@@ -28,7 +43,7 @@ class SeveralDof:
     curves: Curves
     carried: bool = False  # whether q begins with the place that carries all bodies, y and z, m
 
-    def lagrange(self, y: Array, ydot: Array, read: Callable[[Array], tuple[Array, Array]]) -> Reduced:
+    def lagrange(self, y: Array, ydot: Array, read: Read) -> Reduced:
         """The motion from (y, ẏ); `read` takes that state to q and v."""
 
         def rate(t: float, x: Array) -> Array:
@@ -44,7 +59,7 @@ class SeveralDof:
 
         return Reduced(np.concatenate([y, ydot]), rate, read)
 
-    def hamilton(self, y: Array, ydot: Array, read: Callable[[Array], tuple[Array, Array]]) -> Reduced:
+    def hamilton(self, y: Array, ydot: Array, read: Read) -> Reduced:
         """The same motion in (y, p)."""
 
         def velocity(x: Array) -> Array:
