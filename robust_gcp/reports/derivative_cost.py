@@ -24,8 +24,8 @@ from ..simulation.derivatives.gradient import gradient
 from ..simulation.simulate import simulate
 from ..simulation.trajectories.trajectory import Trajectory
 from . import pages
-from .contender import clock
 from .robot_speed import robots_in
+from .timing import least
 
 
 def rhombus() -> Mechanism:
@@ -101,8 +101,8 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | N
     states, fast, held = (np.tile(part, (STATES, 1)) for part in (q, v, tau))
     if not kernel.slopes(states, fast, held).good.all():
         return None
-    forward = _least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
-    derivatives = _least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
+    forward = least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
+    derivatives = least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
     ratios = _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
     return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, *ratios)
 
@@ -184,20 +184,10 @@ def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: in
         except RobustGcpError:  # to where its coordinates end, or its modes, or loops do not stay closed
             return float("nan")
         few = max(2, rounds // 10)
-        swept = _least(lambda: gradient(run, cost, parameters=parameters, torque_slopes=of_torque), few)
-        return swept / _least(make, few)
+        swept = least(lambda: gradient(run, cost, parameters=parameters, torque_slopes=of_torque), few)
+        return swept / least(make, few)
 
     last = mechanism.joints[-1].name
     placed = (ratio(None, f"{last}.placement.{axis}") for axis in "yzx")
     by_placement = next((found for found in placed if not np.isnan(found)), float("nan"))
     return [ratio(None), ratio(None, *masses), by_placement, ratio(feedback)]
-
-
-def _least(call: Callable[[], object], rounds: int) -> float:
-    """s."""
-    times = []
-    for _ in range(rounds):
-        begun = clock()
-        call()
-        times.append(clock() - begun)
-    return min(times)

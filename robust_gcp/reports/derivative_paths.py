@@ -31,9 +31,9 @@ from ..simulation.derivatives.parameter_derivatives import by_parameters
 from ..simulation.derivatives.second_derivatives import second_derivatives
 from ..simulation.simulate import simulate
 from . import pages, path_accuracy, run_paths
-from .contender import clock
 from .machine import footer, machine
 from .run_paths import MANY, Call, Each
+from .timing import least
 
 FEW = 16
 """Each so many-th problem and motion, in a quick round."""
@@ -154,13 +154,9 @@ def _timed(call: Call, rounds: int) -> tuple[float, bool]:
         warnings.simplefilter("always")
         call()
         call()
-        times = []
-        for _ in range(rounds):
-            begun = clock()
-            call()
-            times.append(clock() - begun)
+        time = least(call, rounds)
     each = call.count if isinstance(call, Each) else 1
-    return min(times) / each, any(issubclass(w.category, PerformanceWarning) for w in told)
+    return time / each, any(issubclass(w.category, PerformanceWarning) for w in told)
 
 
 def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:

@@ -29,10 +29,11 @@ from ..mechanism.mechanism import Mechanism
 from ..printing import along, write_json
 from ..simulation.simulate import simulate
 from . import pages, peers
-from .contender import Contender, Scene, clock
+from .contender import Contender, Scene
 from .growth_report import SHOWN, Row, draw, sentence, tables
 from .machine import footer, machine
 from .throughput import gain
+from .timing import least
 from .work_precision import ours
 
 ANGLE = 1.2
@@ -150,35 +151,30 @@ def once(quick: bool) -> dict[str, float]:
     rounds = 2 if quick else 9
     rhombus = load("rhombus")
 
-    def least(call: Callable[[], object], many: int = rounds) -> float:
-        times = []
-        for _ in range(many):
-            begun = clock()
-            call()
-            times.append(clock() - begun)
-        return 1e3 * min(times)
+    def milliseconds(call: Callable[[], object], many: int = rounds) -> float:
+        return 1e3 * least(call, many)
 
     def fall(duration: float, backend: Literal["auto", "python"] = "auto") -> object:
         return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3, backend=backend)
 
-    first = least(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - least(
+    first = milliseconds(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - milliseconds(
         lambda: load("crank_rocker"), 3
     )
     crank_rocker = load("crank_rocker")
-    start = least(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
-    crossing = least(partial(fall, 0.3)) - least(partial(fall, 0.1))
+    start = milliseconds(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
+    crossing = milliseconds(partial(fall, 0.3)) - milliseconds(partial(fall, 0.1))
     delta = load("delta")
     q, v = delta.home, np.asarray(delta.recommended.v0)
-    accelerated = least(lambda: forward_dynamics(delta, q, v))
+    accelerated = milliseconds(lambda: forward_dynamics(delta, q, v))
     zero = np.zeros(delta.nv)
-    stepped = least(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
+    stepped = milliseconds(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
     return {
-        "derivatives": least(lambda: derivatives(delta, q, v)) / accelerated,
-        "jacobians": least(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
+        "derivatives": milliseconds(lambda: derivatives(delta, q, v)) / accelerated,
+        "jacobians": milliseconds(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
         "first run": first,
         "start": start,
         "crossing": crossing,
-        "fall in Python": least(partial(fall, 1.5, "python"), 2) / least(partial(fall, 1.5)),
+        "fall in Python": milliseconds(partial(fall, 1.5, "python"), 2) / milliseconds(partial(fall, 1.5)),
         "threads": thread_gain(crank_rocker, quick=quick),
     }
 

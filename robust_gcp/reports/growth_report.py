@@ -6,10 +6,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from ..drawing.figures import style as plots
-from . import pages
+from . import pages, timing
 
 Row = dict[str, float | str]
 """Of one mechanism: its family, size, name, nv and m, and µs of a step by contender."""
@@ -34,8 +32,7 @@ def exponent(rows: Sequence[Row], name: str) -> float | None:
     ]
     if len(known) < FITTED:
         return None
-    sizes, times = np.log(known).T
-    return float(np.polyfit(sizes, times, 1)[0])
+    return timing.exponent(*zip(*known, strict=True))
 
 
 def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: str) -> str:
