@@ -106,37 +106,26 @@ def _told(problem: Problem) -> str:
 # --------------------------------------------------------------------------- at states
 
 
-_known: dict[str, tuple[Mechanism, Array, Array]] = {}
-
-
-def _state(problem: Problem) -> tuple[Mechanism, Array, Array]:
-    if problem.name not in _known:
-        mech, q, mode = problem.mechanism(), problem.q, problem.mode
-        if mode is None:
-            q = mech.assemble(q, hold=mech.independent)
-            v = mech.lift(q, problem.u)
-        else:
-            v = mode @ np.linalg.solve(mode[mech.iv_independent], problem.u)
-        _known[problem.name] = mech, q, v
-    return _known[problem.name]
-
-
 def _share(found: Array, exact: Array) -> float:
     return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
+def _given(problem: Problem, rows: int) -> tuple[Mechanism, Array, Array, Array]:
+    """The state and torques, of some states the same if any."""
+    mech, q, v = problem.state
+    if not rows:
+        return mech, q, v, problem.tau
+    return mech, np.tile(q, (rows, 1)), np.tile(v, (rows, 1)), np.tile(problem.tau, (rows, 1))
+
+
 def _accelerations(problem: Problem, rows: int = 0) -> float:
-    mech, q, v = _state(problem)
-    given = tuple(np.tile(part, (rows, 1)) if rows else part for part in (q, v, problem.tau))
     scale = max(float(np.abs(part).max()) for part in (problem.udot, problem.da_dy, problem.da_dv))
-    found = forward_dynamics(mech, given[0], given[1], given[2], problem.mode)
+    found = forward_dynamics(*_given(problem, rows), problem.mode)
     return float(np.abs(found - problem.udot).max()) / scale
 
 
 def _derivatives(problem: Problem, rows: int = 0) -> float:
-    mech, q, v = _state(problem)
-    given = tuple(np.tile(part, (rows, 1)) if rows else part for part in (q, v, problem.tau))
-    found = derivatives(mech, given[0], given[1], given[2], mode=problem.mode)
+    found = derivatives(*_given(problem, rows), mode=problem.mode)
     answer = found.udot, found.da_dy, found.da_dv, found.da_dtau
     if not rows:
         return error(problem, answer)
@@ -144,8 +133,8 @@ def _derivatives(problem: Problem, rows: int = 0) -> float:
 
 
 def _point(problem: Problem) -> float:
-    mech, q, v = _state(problem)
-    return _share(motion_point(mech, q, v, problem.tau, mode=problem.mode).by_tau, problem.da_dtau)
+    found = motion_point(*_given(problem, 0), mode=problem.mode)
+    return _share(found.by_tau, problem.da_dtau)
 
 
 AT_STATES: dict[str, Callable[[Problem], float]] = {

@@ -20,7 +20,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
-from ..peers.parts import closure_places
+from ..peers.parts import rigid_constraints
 from . import references
 from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
 from .reduced import GRAVITY, Reduced
@@ -140,11 +140,7 @@ class Reader:
 def constrained(mechanism: Mechanism, q0: Array, v0: Array) -> Reduced:
     """(q, v) by `pin.constraintDynamics`; quaternions by their rates, normalised when they are read."""
     model, data = mechanism.own_model, mechanism.own_model.createData()
-    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for (joint1, place1), (joint2, place2) in closure_places(mechanism):
-        ends = (joint1, place1, joint2, place2, pin.ReferenceFrame.LOCAL)
-        models.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends))
-        datas.append(models[-1].createData())
+    models, datas = rigid_constraints(mechanism)
     pin.initConstraintDynamics(model, data, models, datas)
     settings, nq = pin.ProximalSettings(1e-15, 1e-10, 20), model.nq
     free = [joint for joint in mechanism.joints if joint.kind is JointKind.FREE_FLYER]
