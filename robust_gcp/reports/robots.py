@@ -11,7 +11,7 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -169,10 +169,6 @@ def run(args: argparse.Namespace) -> int:
                 tried(file, str(file.relative_to(args.folder)), args.duration, args.step, args.speed)
             )
     print(table(HEADER, [entry.cells() for entry in entries], longest=None))
-    print(f"\n{counted(entries)} of {len(entries)} files run {args.duration:g} s as they are")
+    counted = sum(entry.verdict == "runs" for entry in entries)
+    print(f"\n{counted} of {len(entries)} files run {args.duration:g} s as they are")
     return int(any(entry.verdict == "falls short" for entry in entries))
-
-
-def counted(entries: Sequence[Entry]) -> int:
-    """How many run."""
-    return sum(entry.verdict == "runs" for entry in entries)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,8 @@ import numpy as np
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..linkages import mechanism_of
-from . import PROBLEMS
+
+PROBLEMS = Path(__file__).with_name("problems.json")
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ...arguments import Arguments, existing_file, folder, number, part, pathname, positive
+from ...kernel import backends
 from ...printing import along, table, write, write_json
 from .. import pages
 from ..contender import Contender
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
     pages.require_marks(args.refresh, ["published values", "published benchmarks"])
     values = [value() for value in VALUES]
     print(table(PUBLISHED, [value_row(value) for value in values], None))
-    own = ours.COMPILED if "native" in ours.backend_names() else "bridge, RK4"
+    own = ours.COMPILED if backends()["native"].available else "bridge, RK4"
     where, today = machine(), date.today().isoformat()
     best: list[Reached] = []
     known = {problem.name: problem for problem in PROBLEMS}

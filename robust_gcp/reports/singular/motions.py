@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,8 @@ from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..linkages import mechanism_of, parts_of
 from ..work_precision.motion import times_of
-from . import MOTIONS
+
+MOTIONS = Path(__file__).with_name("motions.json")
 
 
 @dataclass(frozen=True)

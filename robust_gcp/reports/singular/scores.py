@@ -63,8 +63,9 @@ class Score:
         return f"{held}, goes on" if self.past else held
 
 
-def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Score:
+def scored(contender: Contender, motion: Motion, cap: float) -> Score:
     """A tool's best on a motion; settings are left once one takes longer than `cap` seconds."""
+    scene = motion.scene
     why = contender.refuses(scene)
     if why:
         return Score(contender.name, motion.name, refused=why)
@@ -89,11 +90,6 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
     return best
 
 
-def scene_of(motion: Motion) -> tuple[Scene, Array]:
-    """The motion as one that contenders run, and q of our own at its times, as far as it goes."""
-    return motion.scene, followed(motion.scene)
-
-
 def followed(scene: Scene, backend: Literal["auto", "python", "native"] = "auto") -> Array:
     """q of our own in `FINE` steps between a scene's times, as far as it goes."""
     tool = ours.Ours("own", "bridge", "bridge", ours.FIXED, "", backend=backend)
@@ -116,9 +112,11 @@ def run(args: argparse.Namespace) -> int:
     """Score, print the table, write the files; 1 where one of ours is not right."""
     pages.require_marks(args.refresh, ["singular"])
     found: list[Score] = []
+    exact: dict[str, Array] = {}
+    taking_part = tools(lambda scene: exact[scene.name], args.method, ["bridge, RK4", ours.COMPILED])
     for motion in along(motions(), "singular"):
-        scene, exact = scene_of(motion)
-        found += [scored(tool, motion, scene, args.cap) for tool in _taking_part(args.method, exact)]
+        exact[motion.name] = followed(motion.scene)
+        found += [scored(tool, motion, args.cap) for tool in taking_part]
     rows = cells(found)
     print(table(rows[0], rows[1:], None))
     where = machine()
@@ -132,10 +130,6 @@ def run(args: argparse.Namespace) -> int:
         print(f"renewed {args.refresh}")
     wrong = [s for s in found if s.tool.startswith("bridge") and not s.error < 1e-6]
     return 1 if wrong else 0
-
-
-def _taking_part(wanted: Sequence[str], exact: Array) -> list[Contender]:
-    return tools(lambda scene: exact, wanted, ["bridge, RK4", ours.COMPILED])
 
 
 def cells(found: Sequence[Score]) -> list[list[str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import root
@@ -29,41 +30,33 @@ KICK = 1e-3
 """rad, or of the natural speed: the fast motion that a run starts with."""
 
 
-@dataclass(frozen=True)
-class System:
-    """A mechanism whose fastest motion is known, and a start that excites it a little."""
-
-    name: str
-    build: Callable[[], Start]
+Build = Callable[[], Start]
+"""Of a mechanism whose fastest motion is known, and a start that excites it a little."""
 
 
-def systems(quick: bool) -> list[System]:
+def systems(quick: bool) -> dict[str, Build]:
     """Springs, dampers and both on a rhombus, a spring on a dependent joint, and the flyball governor."""
     exponents = (8,) if quick else (2, 4, 6, 8)
     ratios = () if quick else (0.2, 0.7)
     factors = (1.0,) if quick else (1e-2, 1.0, 1e2)
-    return [
-        *(System(f"spring 1e{e}", _rhombus(10.0**e, 0.0)) for e in exponents),
-        *(System(f"damper 1e{e}", _rhombus(0.0, 10.0**e)) for e in exponents),
-        *(System(f"spring 1e6, damping ratio {r:g}", _rhombus(1e6, 2e3 * r)) for r in ratios),
-        System("change point, spring 1e6 on q3", _change_point),
-        System("flyball at its start", _flyball_start),
-        *(System(f"flyball × {f:g}, steady", _flyball(f)) for f in factors),
-    ]
+    return {
+        **{f"spring 1e{e}": partial(_rhombus, 10.0**e, 0.0) for e in exponents},
+        **{f"damper 1e{e}": partial(_rhombus, 0.0, 10.0**e) for e in exponents},
+        **{f"spring 1e6, damping ratio {r:g}": partial(_rhombus, 1e6, 2e3 * r) for r in ratios},
+        "change point, spring 1e6 on q3": _change_point,
+        "flyball at its start": _flyball_start,
+        **{f"flyball × {f:g}, steady": partial(_flyball, f) for f in factors},
+    }
 
 
-def _rhombus(k: float, c: float) -> Callable[[], Start]:
+def _rhombus(k: float, c: float) -> Start:
     """At 0.5 rad, `KICK` from where the spring k B carries the load; damper c √(AB)."""
-
-    def build() -> Start:
-        bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
-        load = B * np.cos(0.5) / (k * B) if k else 0.0
-        spring = JointSpring("q1", k * B, 0.5 + load + KICK)
-        mechanism = with_forces(bare, [spring, JointDamper("q1", c * np.sqrt(A * B))])
-        speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
-        return mechanism, bare.home, mechanism.lift(bare.home, [speed])
-
-    return build
+    bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
+    load = B * np.cos(0.5) / (k * B) if k else 0.0
+    spring = JointSpring("q1", k * B, 0.5 + load + KICK)
+    mechanism = with_forces(bare, [spring, JointDamper("q1", c * np.sqrt(A * B))])
+    speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
+    return mechanism, bare.home, mechanism.lift(bare.home, [speed])
 
 
 def _change_point() -> Start:
@@ -77,22 +70,18 @@ def _flyball_start() -> Start:
     return mechanism, mechanism.home, SHAFT
 
 
-def _flyball(factor: float) -> Callable[[], Start]:
+def _flyball(factor: float) -> Start:
     """Turning steadily: a state at rest relative to the shaft, the slider kicked off it."""
+    mechanism = governor(factor)
+    applied = mechanism.applied
+    assert applied is not None
 
-    def build() -> Start:
-        mechanism = governor(factor)
-        applied = mechanism.applied
-        assert applied is not None
+    def pull(angles: Array) -> Array:
+        q = np.array([0.0, *angles])
+        return mechanism.tree.rnea(q, SHAFT, mechanism.tree.zero)[1:] - applied.tau(q, SHAFT)[1:]
 
-        def pull(angles: Array) -> Array:
-            q = np.array([0.0, *angles])
-            return mechanism.tree.rnea(q, SHAFT, mechanism.tree.zero)[1:] - applied.tau(q, SHAFT)[1:]
-
-        q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
-        return mechanism, q, SHAFT + np.array([0.0, 0.0, 0.0, KICK])
-
-    return build
+    q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
+    return mechanism, q, SHAFT + np.array([0.0, 0.0, 0.0, KICK])
 
 
 @dataclass(frozen=True)
@@ -111,13 +100,13 @@ class Bound:
         return self.measured / self.predicted
 
 
-def measure(system: System) -> Bound:
+def measure(name: str, build: Build) -> Bound:
     """Predict and bisect the largest stable step.
 
     Two runs start a little apart in the motion that limits the step, and the step is bisected on whether
     that part of their distance has grown after `STEPS` steps.
     """
-    mechanism, q0, v0 = system.build()
+    mechanism, q0, v0 = build()
     found = linearise(mechanism, q0, v0)
     predicted, m = found.largest_stable_step, mechanism.m
     values, vectors = np.linalg.eig(found.A)
@@ -138,7 +127,7 @@ def measure(system: System) -> Bound:
     while high > 1.0005 * low:
         middle = np.sqrt(low * high)
         low, high = (low, middle) if grows(middle) else (middle, high)
-    return Bound(system.name, found.limiting, predicted, float(np.sqrt(low * high)))
+    return Bound(name, found.limiting, predicted, float(np.sqrt(low * high)))
 
 
 def _end(mechanism: Mechanism, q0: Array, v0: Array, step: float) -> Array:

@@ -45,7 +45,7 @@ def run(args: argparse.Namespace) -> int:
         raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
     known, whole = families(), args.case is None
     cells = judge_all([case for name in args.case or known for case in known[name](args.quick)])
-    bounds = [measure(system) for system in systems(args.quick)] if whole else []
+    bounds = [measure(*system) for system in systems(args.quick).items()] if whole else []
     found = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)
     paths += draw(args.out, cells, whole)

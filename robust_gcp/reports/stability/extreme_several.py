@@ -20,7 +20,7 @@ from ..work_precision.reduced import Reduced
 from ..work_precision.references import integrate
 from ..work_precision.several import Curves, Read, SeveralDof, joints_reader
 from ..work_precision.users import CHANGE_POINT, floating_reader, loops
-from .case import Case, Families, Setting, family, row
+from .case import Case, Families, Setting, family, made, row
 from .extreme_tools import columns
 
 FAMILIES: Families = {}
@@ -93,7 +93,6 @@ def _row(
 ) -> Case:  # fmt: skip
     """RK4 against the exact equation; allowed is what the same steps make of that equation, and rounding."""
     reduced = system.lagrange(y, ydot, read)
-    q0, v0 = read(reduced.x0)
 
     @cache
     def exact(count: int) -> Array:
@@ -109,7 +108,8 @@ def _row(
         return share * floor + SENSITIVE * sensitivity + LEAST
 
     settings = columns(duration, STEPS, ())
-    return row(name, lambda: (mechanism, q0, v0), duration, settings, allowed, lambda t: exact(len(t)))
+    start = mechanism, *read(reduced.x0)
+    return row(name, made(start), duration, settings, allowed, lambda t: exact(len(t)))
 
 
 def _stepped(reduced: Reduced, x: Array, times: Array) -> Array:

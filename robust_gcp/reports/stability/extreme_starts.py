@@ -95,7 +95,6 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
         lambda setting, stats: truth.allowed(setting, stats) + APART * abs(gap),
         lambda t: truth.exact(t) + 2.0 * np.pi * turns,
         crossings=1,
-        note="taken for a crossing",
     )
 
 

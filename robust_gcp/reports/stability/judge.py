@@ -5,7 +5,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -77,8 +76,7 @@ def judge_all(cases: Sequence[Case]) -> list[Cell]:
 
 
 def _simulate(case: Case, setting: Setting, start: Start) -> Trajectory:
-    more: dict[str, Any] = {"torque": case.torque, **setting.options, **case.more}
-    return simulate(*start, case.duration, **more)
+    return simulate(*start, case.duration, **{**setting.options, **case.more})
 
 
 def _keep(cell: Cell, run: Trajectory) -> None:

@@ -89,11 +89,6 @@ def nearest(t: Array, times: Array) -> Array:
     return np.asarray(after - (times - t[after - 1] < t[after] - times))
 
 
-def backend_names() -> tuple[str, ...]:
-    """The backends of `simulate` that work here."""
-    return tuple(name for name, backend in backends().items() if backend.available)
-
-
 COMPILED = "bridge compiled, RK4"
 OURS: tuple[tuple[str, Method, str, tuple[tuple[Any, ...], ...]], ...] = (
     ("bridge", "bridge", "no gains, no thresholds: the defaults", (
@@ -123,7 +118,7 @@ def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
     for family, method, tuning, rows in OURS:
         for name, stepper, *more in rows:
             found.append(Ours(name, family, method, stepper, tuning, *more))
-    if "native" not in backend_names():
+    if not backends()["native"].available:
         found = [c for c in found if c.name != COMPILED]
     found += [Implicit("KKT (2), RK4", FIXED), Implicit("KKT (2), DOP853", "DOP853")]
     found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, (10.0, 10.0))]
