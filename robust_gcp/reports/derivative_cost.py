@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -55,35 +55,19 @@ GRADIENTS = ("gradient / run", "by masses", "by a placement", "feedback")
 HEADER = ("mechanism", "nv", "m", "forward, µs", "derivatives, µs", "ratio", *GRADIENTS)
 
 
-@dataclass(frozen=True)
-class DerivativeCost:
-    """µs of one forward evaluation and of derivatives with it; times of gradients over those of their runs.
-
-    Of gradients by the start and torques alone, with all masses as parameters, with the placement of a joint,
-    and of a run under a torque function that is differentiated; NaN where there is none.
-    """
-
-    name: str
-    nv: int
-    m: int
-    forward: float
-    derivatives: float
-    gradient: float
-    by_masses: float
-    by_placement: float
-    feedback: float
-
-    @property
-    def cells(self) -> list[str]:
-        """A row of the table."""
-        ratio = self.derivatives / self.forward
-        micro = [f"{value:.3g}" for value in (self.forward, self.derivatives)]
-        ratios = ratio, self.gradient, self.by_masses, self.by_placement, self.feedback
-        rest = ["–" if np.isnan(value) else f"{value:.2g}" for value in ratios]
-        return [self.name, str(self.nv), str(self.m), *micro, *rest]
+Row = dict[str, Any]
+"""A name, nv and m; µs of a forward evaluation and of derivatives with it; times of gradients over those of
+their runs, as `_gradients` has them."""
 
 
-def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | None:
+def cells(row: Row) -> list[str]:
+    """A row of the table."""
+    name, nv, m, forward, derivatives, *gradients = row.values()
+    ratios = ["–" if np.isnan(x) else f"{x:.2g}" for x in (derivatives / forward, *gradients)]
+    return [name, str(nv), str(m), f"{forward:.3g}", f"{derivatives:.3g}", *ratios]
+
+
+def measured(name: str, mechanism: Mechanism, rounds: int) -> Row | None:
     """Least times of some rounds at home; None where the kernel has no derivatives of it there."""
     q = mechanism.home
     kernel = derivation(mechanism, q)
@@ -95,11 +79,12 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | N
         return None
     forward = least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
     derivatives = least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
-    ratios = _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
-    return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, *ratios)
+    found = {"name": name, "nv": mechanism.nv, "m": mechanism.m}
+    found |= {"forward": 1e6 * forward, "derivatives": 1e6 * derivatives}
+    return found | _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
 
 
-def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[DerivativeCost]:
+def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[Row]:
     """Of shipped models, or of the robots that are given; without those that the kernel does not take."""
     made: dict[str, Callable[[], Mechanism | None]] = dict(SHIPPED)
     if robots is not None:
@@ -129,18 +114,16 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
         return
     robots = None if folder is None else {str(p.relative_to(folder)): p for p in robots_in(folder)}
     found = rows(robots, base, rounds)
-    cells = [row.cells for row in found]
+    lines = [cells(row) for row in found]
     print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
     print(
         f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run; also with"
     )
     print("all masses as parameters, with a joint's placement, and under a torque function beside its run")
-    print(table(HEADER, cells, None))
+    print(table(HEADER, lines, None))
     if out:
-        write_json(out, [asdict(row) for row in found])
-    if page is not None:
-        pages.renew(page, {block: pages.table([HEADER, *cells], range(1, len(HEADER)))})
-        print(f"renewed {page}")
+        write_json(out, found)
+    pages.refresh(page, {block: pages.table([HEADER, *lines], range(1, len(HEADER)))})
 
 
 def _robot(path: Path, base: str | None) -> Mechanism | None:
@@ -153,8 +136,12 @@ def _robot(path: Path, base: str | None) -> Mechanism | None:
         return None
 
 
-def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> list[float]:
-    """Times of gradients of a terminal cost over those of their runs, see `DerivativeCost`."""
+def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> dict[str, float]:
+    """Times of gradients of a terminal cost over those of their runs; NaN where there is none.
+
+    By the start and torques alone, with all masses as parameters, with the placement of a joint, and of a run
+    under a torque function that is differentiated.
+    """
     by_q, by_v = np.zeros(mechanism.nv), np.ones(mechanism.nv)
     cost = Cost(terminal=lambda q, v: float(by_v @ v), terminal_slopes=lambda q, v: (by_q, by_v))
     drag = -0.1 * np.eye(mechanism.nv)
@@ -182,4 +169,9 @@ def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: in
     last = mechanism.joints[-1].name
     placed = (ratio(None, f"{last}.placement.{axis}") for axis in "yzx")
     by_placement = next((found for found in placed if not np.isnan(found)), float("nan"))
-    return [ratio(None), ratio(None, *masses), by_placement, ratio(feedback)]
+    return {
+        "gradient": ratio(None),
+        "by_masses": ratio(None, *masses),
+        "by_placement": by_placement,
+        "feedback": ratio(feedback),
+    }

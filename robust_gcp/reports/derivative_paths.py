@@ -107,8 +107,7 @@ def tell(rounds: int, full: bool, out: Path | None, refresh: Path | None) -> int
     out, refresh : Path, optional
         Everything as JSON; a page whose blocks `worst paths` and `errors of paths` are renewed.
     """
-    if refresh is not None:
-        pages.require_marks(refresh, ["worst paths", "errors of paths"])
+    pages.require_marks(refresh, ["worst paths", "errors of paths"])
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return 0
@@ -127,14 +126,11 @@ def tell(rounds: int, full: bool, out: Path | None, refresh: Path | None) -> int
     if out:
         told = {"ways": [asdict(row) for row in found], "errors": [asdict(row) for row in off]}
         write_json(out, {"machine": where, **told})
-    if refresh is not None:
-        blocks = {
-            "worst paths": pages.table([HEADER, *(row.cells for row in worst(found))], (2, 3)),
-            "errors of paths": pages.table([path_accuracy.HEADER, *(row.cells for row in off)], (2, 4, 6, 7)),
-        }
-        last = f"\n\n*{footer(where)}*"
-        pages.renew(refresh, {name: block + last for name, block in blocks.items()})
-        print(f"renewed {refresh}")
+    blocks = {
+        "worst paths": pages.table([HEADER, *(row.cells for row in worst(found))], (2, 3)),
+        "errors of paths": pages.table([path_accuracy.HEADER, *(row.cells for row in off)], (2, 4, 6, 7)),
+    }
+    pages.refresh(refresh, {name: f"{block}\n\n*{footer(where)}*" for name, block in blocks.items()})
     return 1 if bad else 0
 
 

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
@@ -49,15 +48,6 @@ QUICK = 2
 """Rounds of a smoke test."""
 
 
-@dataclass(frozen=True)
-class Family:
-    """Mechanisms that grow."""
-
-    name: str
-    sizes: tuple[int, ...]
-    make: Callable[[int], Mechanism]
-
-
 def polygon(m: int) -> Mechanism:
     """One loop of m + 3 joints: links between points on an arc, from the origin back to the ground."""
     turns = np.linspace(0.8 * np.pi, 0.1 * np.pi, m + 3)
@@ -81,18 +71,20 @@ def pendulums(n: int) -> Mechanism:
     return Mechanism.from_pinocchio(model, home=[0.3] * n)
 
 
-FAMILIES = (
-    Family("loops", (1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
-    Family(
-        "clusters", (1, 2, 4, 8, 16),
-        lambda n: four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0),
-    ),
-    Family("mobility", (1, 2, 3, 4, 6), polygon),
-    Family("joints", (1, 2, 5, 10, 20, 40), pendulums),
-    Family("robots", (3, 4), lambda m: load("delta" if m == 3 else "walker")),
-)  # fmt: skip
-"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; m + 3 joints in one loop; a
-chain of n; and robots, by their mobility."""
+def side_by_side(n: int) -> Mechanism:
+    """Four-bars of which each is a cluster."""
+    return four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0)
+
+
+FAMILIES: dict[str, tuple[tuple[int, ...], Callable[[int], Mechanism]]] = {
+    "loops": ((1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
+    "clusters": ((1, 2, 4, 8, 16), side_by_side),
+    "mobility": ((1, 2, 3, 4, 6), polygon),
+    "joints": ((1, 2, 5, 10, 20, 40), pendulums),
+    "robots": ((3, 4), lambda m: load("delta" if m == 3 else "walker")),
+}
+"""Sizes and mechanisms: four-bars in a row, in one cluster; side by side; m + 3 joints in one loop; a chain of
+n; and robots, by their mobility."""
 
 
 def step_seconds(
@@ -121,13 +113,13 @@ def step_seconds(
     return (more - less) / (2 * few * OUTPUTS)
 
 
-def measure(family: Family, quick: bool) -> list[Row]:
+def measure(family: str, quick: bool) -> list[Row]:
     """Rows of size, velocities and µs a step by contender."""
     everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
-    rows = []
-    for n in along(family.sizes[:2] if quick else family.sizes, family.name):
-        mechanism = family.make(n)
-        row: Row = {"family": family.name, "size": n, "name": mechanism.name}
+    rows, (sizes, make) = [], FAMILIES[family]
+    for n in along(sizes[:2] if quick else sizes, family):
+        mechanism = make(n)
+        row: Row = {"family": family, "size": n, "name": mechanism.name}
         row |= {"nv": mechanism.nv, "m": mechanism.m}
         for name, shown in SHOWN.items():
             loops = bool(mechanism.closures)
@@ -209,7 +201,7 @@ def run(args: argparse.Namespace) -> int:
     for page in PAGES if args.docs is not None else ():
         if not (args.docs / page).is_file():
             raise OptionError(f"--docs {args.docs}: there is no {page} to refresh")
-    measured = {family.name: measure(family, args.quick) for family in FAMILIES}
+    measured = {family: measure(family, args.quick) for family in FAMILIES}
     fixed, about = once(args.quick), machine()
     foot = footer(about)
     text = tables(measured, fixed, foot)
@@ -226,6 +218,5 @@ def run(args: argparse.Namespace) -> int:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
         blocks = {"growth": text}, {"speed": sentence(measured, fixed)}
         for page, block in zip(PAGES, blocks, strict=True):
-            pages.renew(args.docs / page, block)
-            print(f"renewed {args.docs / page}")
+            pages.refresh(args.docs / page, block)
     return 0

@@ -58,6 +58,12 @@ def require_marks(page: Path | None, names: Sequence[str]) -> None:
         raise OptionError(f"--refresh {page}: there are no marks of a block named {' or '.join(names)}")
 
 
+def refresh(page: Path | None, blocks: Mapping[str, str]) -> None:
+    """Renew the blocks of a page that is named, and tell."""
+    if page is not None and renew(page, blocks):
+        print(f"renewed {page}")
+
+
 def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
 

@@ -18,8 +18,8 @@ from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..work_precision import scenes
 from ..work_precision.benchmarks import ANDREWS_JOINTS
-from ..work_precision.motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
 from ..work_precision.reduced import GRAVITY
+from ..work_precision.references import SLOW_CAP, SLOW_STEPS, Motion, times_of
 
 CRANK = 0.007
 """Of Andrews' mechanism, m."""

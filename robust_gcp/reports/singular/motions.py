@@ -15,7 +15,7 @@ from ...mechanism.parts import JointFriction, Stop
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..linkages import mechanism_of, parts_of
-from ..work_precision.motion import times_of
+from ..work_precision.references import times_of
 
 MOTIONS = Path(__file__).with_name("motions.json")
 

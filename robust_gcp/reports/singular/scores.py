@@ -124,10 +124,8 @@ def run(args: argparse.Namespace) -> int:
     print(last)
     if args.out is not None:
         write_json(args.out, {"machine": where, "scores": [asdict(score) for score in found]})
-    if args.refresh is not None and pages.renew(
-        args.refresh, {"singular": pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"}
-    ):
-        print(f"renewed {args.refresh}")
+    block = pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"
+    pages.refresh(args.refresh, {"singular": block})
     wrong = [s for s in found if s.tool.startswith("bridge") and not s.error < 1e-6]
     return 1 if wrong else 0
 

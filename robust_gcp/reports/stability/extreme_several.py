@@ -16,9 +16,8 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...simulation.runs.stats import Stats
 from ..stepping import stepped
-from ..work_precision.reduced import Reduced
+from ..work_precision.reduced import Curves, Read, Reduced, SeveralDof, joints_reader
 from ..work_precision.references import integrate
-from ..work_precision.several import Curves, Read, SeveralDof, joints_reader
 from ..work_precision.users import CHANGE_POINT, floating_reader, loops
 from .case import Case, Families, Setting, family, made, row
 from .extreme_tools import columns

@@ -22,7 +22,7 @@ from ...mechanism.tree.tree import Array
 from ...simulation.runs.stats import Stats
 from ...simulation.simulate import simulate
 from ...simulation.trajectories.trajectory import Trajectory
-from ..same_steps import same_steps
+from ..stepping import same_steps
 from .case import Case, Setting, Start, row
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)

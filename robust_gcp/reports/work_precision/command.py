@@ -21,8 +21,7 @@ from ..machine import THREADS
 from ..tools import tools
 from . import floor, report
 from .measure import Judge, Point, climb, settings_of
-from .motion import Motion
-from .references import Reference
+from .references import Motion, Reference
 from .scenes import MOTIONS
 from .store import Store
 from .verdicts import OURS

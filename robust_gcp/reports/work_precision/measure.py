@@ -16,8 +16,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from .. import pages
 from ..contender import Contender, Outcome, Scene
-from .motion import TOLERANCES, Motion
-from .references import Reference
+from .references import TOLERANCES, Motion, Reference
 
 LOST = 0.3
 """Path-wise error from which a run counts as failed: on another mode, or nowhere, rad."""

@@ -1,4 +1,7 @@
-"""Exact motions, each computed twice by independent means; the difference is their own accuracy."""
+"""Motions of the study: scenes with ladders of steps, and their exact motions.
+
+These are computed twice by independent means; the difference is their own accuracy.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,17 @@ from numpy.typing import ArrayLike
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
 from ...simulation.runs.steppers import adaptive
+from ..contender import Scene
 from .reduced import OneDof, Reduced
+
+OUTPUTS = 400
+STEPS = (1, 2, 3, 4, 6, 8, 16, 32, 64, 128)
+"""Steps in each output interval, coarse to fine."""
+
+SLOW_STEPS, SLOW_CAP = (1, 2, 3, 4, 5, 6, 8, 16, 32), 1.2
+"""Of scenes whose evaluations cost ten times those of a four-bar; the cap in s."""
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
 TIGHT, TIGHTEST = 3e-14, 1e-15
 """Relative and absolute tolerance of the references' integration."""
@@ -35,6 +48,23 @@ class Reference:
     # largest difference of two independent computations, rad (slides: m over the mechanism's length)
     accuracy: float
     source: str  # one sentence: how both were made
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A scene with its exact motion."""
+
+    scene: Scene
+    title: str  # for figures and tables
+    floor: Reduced | None  # the exact reduced equations, which floors are integrated from
+    solve: Callable[[], Reference]
+    steps: tuple[int, ...] = STEPS  # steps in each output interval
+    cap: float = 0.5  # longest run that is timed, s
+
+
+def times_of(duration: float) -> Array:
+    """The output times."""
+    return np.linspace(0.0, duration, OUTPUTS + 1)
 
 
 def integrate(

@@ -22,9 +22,8 @@ from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..peers.parts import rigid_constraints
 from . import references
-from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
 from .reduced import GRAVITY, Reduced
-from .references import Reference
+from .references import SLOW_CAP, SLOW_STEPS, Motion, Reference, times_of
 
 DURATION = 1.0
 """s"""

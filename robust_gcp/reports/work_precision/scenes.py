@@ -15,8 +15,8 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import benchmarks, reduced, references, robots, users
-from .motion import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
 from .reduced import GRAVITY
+from .references import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
 
 
 def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Scene:

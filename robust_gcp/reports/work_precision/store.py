@@ -14,8 +14,7 @@ from ...errors import OptionError
 from .. import pages
 from ..machine import machine
 from .measure import Point, point_of
-from .motion import Motion
-from .references import Reference
+from .references import Motion, Reference
 
 
 class Store:

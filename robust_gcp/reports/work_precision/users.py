@@ -16,10 +16,8 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import reduced, references
-from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
-from .reduced import GRAVITY, OneDof, Planar, Weights
-from .references import CLOSED_FORM
-from .several import Curves, Read, SeveralDof, joints_reader
+from .reduced import GRAVITY, Curves, OneDof, Planar, Read, SeveralDof, Weights, joints_reader
+from .references import CLOSED_FORM, SLOW_CAP, SLOW_STEPS, Motion, times_of
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 STAGES, LIFTED, FALLING = 3, 1.0, -4.0
