@@ -83,8 +83,8 @@ FAMILIES: dict[str, tuple[tuple[int, ...], Callable[[int], Mechanism]]] = {
     "joints": ((1, 2, 5, 10, 20, 40), pendulums),
     "robots": ((3, 4), lambda m: load("delta" if m == 3 else "walker")),
 }
-"""Sizes and mechanisms: four-bars in a row, in one cluster; side by side; m + 3 joints in one loop; a chain of
-n; and robots, by their mobility."""
+"""Sizes and mechanisms: four-bars in a row, in one cluster; side by side; m + 3 joints in one loop; a chain
+of n; and robots, by their mobility."""
 
 
 def step_seconds(
