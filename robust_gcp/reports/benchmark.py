@@ -13,19 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import BridgeOptions, Mechanism, OptionError, backends, load, simulate
 from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, pathname, whole, word
 from ..dynamics.problem import initial_value_problem
-from ..errors import OptionError
 from ..examples.linkages import n_four_bar
-from ..io.loader import load
-from ..kernel import backends
 from ..kernel.library import library
 from ..maps.choice import MapChoice
-from ..maps.cluster.options import BridgeOptions
 from ..maps.cluster.regular_ground import same_branch
-from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
-from ..simulation.simulate import simulate
 from . import derivative_cost, derivative_paths, robot_speed, throughput
 from .robot_speed import batches
 from .throughput import gain

@@ -8,8 +8,7 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from ..mechanism.mechanism import Mechanism
-from ..mechanism.parts import JointFriction, Stop
+from .. import JointFriction, Mechanism, Stop
 from ..mechanism.tree.tree import Array
 
 Kind = Literal["fixed", "adaptive"]

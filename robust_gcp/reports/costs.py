@@ -20,20 +20,15 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.local import analyse
+from .. import Mechanism, Stats, analyse, backends, load, simulate
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..examples.linkages import n_four_bar
-from ..io.loader import load
-from ..kernel import backends
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.forces.applied_forces import AppliedForces
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Tree
 from ..printing import along, write, write_json
-from ..simulation.runs.stats import Stats
-from ..simulation.simulate import simulate
 from . import pages
 from .contender import clock
 from .costs_scenes import SCENES

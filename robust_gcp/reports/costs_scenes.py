@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from .. import JointDamper, JointSpring, Mechanism, load
 from ..examples import linkages
-from ..io.loader import load
-from ..mechanism.forces.forces import JointDamper, JointSpring
-from ..mechanism.mechanism import Mechanism
 from .stability.truth import with_forces
 
 RECORDS = ("a", "energy", "multipliers")

@@ -10,19 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from .. import Cost, Mechanism, ModelWarning, RobustGcpError, Trajectory, backends, gradient, load, simulate
 from ..dynamics.equations import Torque
-from ..errors import ModelWarning, RobustGcpError
 from ..examples.legged import legged
-from ..io.loader import load
-from ..kernel import backends
 from ..kernel.derivatives.derivations import derivation
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.simulate import simulate
-from ..simulation.trajectories.trajectory import Trajectory
 from . import pages
 from .robot_speed import robots_in
 from .timing import least

@@ -11,25 +11,16 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.local import analyse
-from ..dynamics.loads import Wrench
+from .. import Cost, Mechanism, Wrench, analyse, backends, gradient, linearise, load, motion_point, simulate
 from ..errors import PerformanceWarning
 from ..examples.families import planar_linkage
 from ..examples.six_bars import joined_by_dyad
-from ..io.loader import load
-from ..kernel import backends
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.derivatives.linearised import linearise
-from ..simulation.derivatives.motion_point import motion_point
 from ..simulation.derivatives.one_step import step, step_jacobians
 from ..simulation.derivatives.parameter_derivatives import by_parameters
 from ..simulation.derivatives.second_derivatives import second_derivatives
-from ..simulation.simulate import simulate
 from . import pages, path_accuracy, run_paths
 from .machine import footer, machine
 from .run_paths import MANY, Call, Each

@@ -14,19 +14,14 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
+from .. import Mechanism, OptionError, PointClosure, backends, load, simulate
 from ..arguments import Arguments, existing_folder, folder, pathname
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
 from ..dynamics.discrete import step_jacobians
-from ..errors import OptionError
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
-from ..io.loader import load
-from ..kernel import backends
-from ..mechanism.constraint.closures import PointClosure
-from ..mechanism.mechanism import Mechanism
 from ..printing import along, write_json
-from ..simulation.simulate import simulate
 from . import pages, peers
 from .contender import Contender, Scene
 from .growth_report import SHOWN, Row, draw, sentence, tables

@@ -9,18 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from .. import Batch, Cost, Mechanism, Simulation, gradient, motion_point, simulate, simulate_many, step
 from ..errors import RobustGcpError
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from ..simulation.batches.batch import Batch
-from ..simulation.batches.many import simulate_many
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.derivatives.motion_point import motion_point
-from ..simulation.derivatives.one_step import step
-from ..simulation.simulate import simulate
-from ..simulation.simulation import Simulation
 from .gradients.problems import Problem, problems
 from .gradients.scores import error
 from .singular.motions import Motion, motions

@@ -11,16 +11,12 @@ from pathlib import Path
 
 import numpy as np
 
-from ..dynamics.equations import implicit_dynamics
+from .. import BridgeOptions, Mechanism, RobustGcpError, implicit_dynamics, load
 from ..dynamics.problem import initial_value_problem
-from ..errors import RobustGcpError
-from ..io.loader import load
 from ..kernel.library import library
 from ..kernel.loop_arrays import NotNativeError
 from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
-from ..maps.cluster.options import BridgeOptions
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED

@@ -17,14 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from .. import Mechanism, RobustGcpError, StateError, load, simulate
 from ..arguments import Arguments, known_folder, number, pathname, positive
-from ..errors import RobustGcpError, StateError
-from ..io.loader import load
 from ..io.robot_file import READERS
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import table
-from ..simulation.simulate import simulate
 
 CLOSED = 1e-10
 """max |φ| / length that a run may leave."""

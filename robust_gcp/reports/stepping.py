@@ -6,11 +6,10 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 
+from .. import SimulationError, Stats
 from ..dynamics.equations import EquationsOfMotion
-from ..errors import SimulationError
 from ..mechanism.tree.tree import Array
 from ..simulation.runs.error_control import REFINED_ATOL, REFINED_RTOL
-from ..simulation.runs.stats import Stats
 from ..simulation.runs.steppers import adaptive, rk4_step
 from .contender import clock
 

@@ -9,9 +9,8 @@ from functools import partial
 
 import numpy as np
 
+from .. import Batch, Mechanism
 from ..checks import real_array
-from ..mechanism.mechanism import Mechanism
-from ..simulation.batches.batch import Batch
 from ..simulation.batches.many import Start, simulate_many
 from .timing import in_turn, seconds
 

@@ -11,12 +11,10 @@ from statistics import median
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, RobustGcpError, derivatives
 from ...arguments import Arguments, file, pathname, word
-from ...errors import RobustGcpError
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...printing import table, write_json
-from ...simulation.derivatives.accelerations import derivatives
 from ..peers.parts import rigid_constraints
 from .problems import Problem, problems
 

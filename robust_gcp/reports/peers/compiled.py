@@ -20,9 +20,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ... import JointDamper, JointSpring, JointTorque, Mechanism, PointSpring
 from ...kernel import build
-from ...mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import BOUND

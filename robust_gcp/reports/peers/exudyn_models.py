@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.constraint.closures import RevoluteClosure
-from ...mechanism.forces.forces import PointSpring
+from ... import PointSpring, RevoluteClosure
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene

@@ -17,10 +17,9 @@ import numpy as np
 import pinocchio as pin
 from mujoco import rollout
 
+from ... import JointFriction, Mechanism
 from ...io.mjcf.stops import solref_of
 from ...io.mjcf.writer import mjcf_text
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import JointFriction
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import BOUND, Contender, Kind, Outcome, Outputs, Scene, clock, division

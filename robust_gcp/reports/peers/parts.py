@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ... import JointTorque, Mechanism
 from ...mechanism.constraint.closures import RevoluteClosure, closure_frames, frame_of
-from ...mechanism.forces.forces import JointTorque
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 

@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ... import Mechanism, backends
 from ...arguments import Arguments, existing_file, folder, number, part, pathname, positive
-from ...kernel import backends
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...printing import along, table, write, write_json
 from .. import pages

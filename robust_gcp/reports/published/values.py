@@ -10,12 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, PointClosure, load, simulate
 from ...examples.linkages import n_four_bar
-from ...io.loader import load
-from ...mechanism.constraint.closures import PointClosure
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
 from ..stability.truth import governor
 from ..work_precision.benchmarks import ANDREWS_JOINTS
 from ..work_precision.reduced import GRAVITY

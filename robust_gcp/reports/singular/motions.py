@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import JointFriction, Stop
+from ... import JointFriction, Mechanism, Stop
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..linkages import mechanism_of, parts_of

@@ -10,13 +10,9 @@ from functools import partial
 import numpy as np
 from scipy.optimize import root
 
-from ...errors import SimulationError
+from ... import JointDamper, JointSpring, Mechanism, SimulationError, linearise, simulate
 from ...examples.linkages import four_bar
-from ...mechanism.forces.forces import JointDamper, JointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.derivatives.linearised import linearise
-from ...simulation.simulate import simulate
 from .case import Start, at_rest
 from .truth import SHAFT, A, B, governor, with_forces
 

@@ -13,10 +13,9 @@ from typing import Any, Literal
 
 import numpy as np
 
+from ... import Mechanism, Stats
 from ...maps.choice import Method
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.runs.stats import Stats
 
 Verdict = Literal["right", "coarse", "stopped", "wrong"]
 Start = tuple[Mechanism, Array, Array]

@@ -9,12 +9,9 @@ from functools import cache
 import numpy as np
 import pinocchio as pin
 
-from ...errors import SimulationError
+from ... import CouplingClosure, Mechanism, SimulationError, Stats
 from ...examples.families import four_bars
-from ...mechanism.constraint.couplings import CouplingClosure
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.runs.stats import Stats
 from ..stepping import stepped
 from ..work_precision.reduced import Curves, Read, Reduced, SeveralDof, joints_reader
 from ..work_precision.references import integrate

@@ -8,13 +8,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from ... import CoarseStepWarning, SingularityWarning, StabilityWarning, Trajectory, simulate
 from ...errors import RobustGcpError, StateError
-from ...maps.classical import SingularityWarning
 from ...printing import along
-from ...simulation.runs.stability import StabilityWarning
-from ...simulation.runs.too_long_steps import CoarseStepWarning
-from ...simulation.simulate import simulate
-from ...simulation.trajectories.trajectory import Trajectory
 from .case import Case, Cell, Setting, Start
 
 MOST_CHECKED = 2000

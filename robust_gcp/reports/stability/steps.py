@@ -7,13 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ... import Mechanism, linearise
 from ...dynamics.equations import Torque
 from ...dynamics.linearise import ReducedJacobian
 from ...dynamics.problem import initial_value_problem
 from ...maps.choice import MapChoice
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.derivatives.linearised import linearise
 from ...simulation.runs.steppers import IMPLICIT
 from .stiff import drive, driven
 from .truth import SHAFT, A, B, Servo, governor, of_run

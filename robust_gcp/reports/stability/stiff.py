@@ -7,14 +7,10 @@ from functools import cache
 
 import numpy as np
 
+from ... import Force, JointDamper, JointSpring, Mechanism, Stats, linearise, simulate
 from ...dynamics.equations import Torque
 from ...examples.linkages import four_bar
-from ...mechanism.forces.forces import Force, JointDamper, JointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.derivatives.linearised import linearise
-from ...simulation.runs.stats import Stats
-from ...simulation.simulate import simulate
 from .bound import KICK, systems
 from .case import Case, Families, Setting, at_rest, family, made, row
 from .extreme_tools import EXACT

@@ -12,12 +12,9 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ...io.loader import load
+from ... import Force, Mechanism, PointSpring, load, simulate
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.forces.forces import Force, PointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
 from ..stepping import stepped
 
 A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)

@@ -10,9 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import StateError
-from ...mechanism.forces.forces import JointTorque
-from ...mechanism.mechanism import Mechanism
+from ... import JointTorque, Mechanism, StateError
 from ...mechanism.tree.tree import Array
 from .. import pages
 from ..contender import Contender, Outcome, Scene

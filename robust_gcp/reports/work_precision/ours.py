@@ -9,13 +9,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import OptionError, SimulationError
-from ...kernel import backends
+from ... import OptionError, SimulationError, backends, simulate
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
 from ..contender import Contender, Kind, Outcome, Scene, clock
 from .implicit import Implicit, TunedImplicit
 

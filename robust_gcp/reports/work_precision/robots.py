@@ -14,9 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...io.loader import load
-from ...mechanism.forces.forces import JointSpring
-from ...mechanism.mechanism import Mechanism
+from ... import JointSpring, Mechanism, load
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene

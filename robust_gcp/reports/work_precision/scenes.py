@@ -8,10 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from ... import Mechanism, load
 from ...examples.linkages import four_bar, n_four_bar
-from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import benchmarks, reduced, references, robots, users

@@ -8,11 +8,10 @@ from functools import partial
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, RevoluteClosure
 from ...examples.families import Lengths, four_bars, scissor_lift
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
-from ...mechanism.constraint.closures import RevoluteClosure
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import reduced, references
