@@ -14,7 +14,7 @@ import numpy as np
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
-from ...printing import progress_bar
+from ...printing import along
 from .. import peers
 from ..contender import Contender, Scene
 from ..machine import THREADS
@@ -73,14 +73,9 @@ class Study:
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
             plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
-        total, done = sum(len(settings) for _, _, settings in plan), 0
-        with progress_bar(float(total), "work-precision") as progress:
-            for motion, contender, settings in plan:
-                for point in self._points(motion, contender, settings):
-                    self.store.add(point)
-                    if progress is not None:
-                        progress((done + settings.index(point.setting) + 1) / total)
-                done += len(settings)
+        for each in along(plan, "work-precision"):
+            for point in self._points(*each):
+                self.store.add(point)
 
     def _points(self, motion: Motion, contender: Contender, settings: list[float]) -> Iterator[Point]:
         name = motion.scene.name
