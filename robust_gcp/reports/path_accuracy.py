@@ -32,23 +32,14 @@ WIDTH, SLOPE_STEPS = 0.004, 1600
 
 @dataclass(frozen=True)
 class Errors:
-    """A call's least and largest error, and where they are.
-
-    Attributes
-    ----------
-    against : str
-        What is taken for exact.
-    least, largest : (float, str)
-    refused : list of str
-        Where it stopped with a reason.
-    """
+    """A call's least and largest error, and where they are."""
 
     what: str
-    against: str
+    against: str  # what is taken for exact
     least: tuple[float, str]
     largest: tuple[float, str]
     cases: int
-    refused: list[str]
+    refused: list[str]  # where it stopped, with the reason
 
     @property
     def cells(self) -> list[str]:
@@ -62,7 +53,7 @@ def errors(every: int = 1) -> Iterator[Errors]:
     given, runs = problems()[::every], motions()[::every]
     digits = "70 digits, over the largest entry"
     for what, ask in AT_STATES.items():
-        yield _errors(what, digits, {_told(p): partial(ask, p) for p in given})
+        yield _errors(what, digits, {f"{p.name} ({p.kind})": partial(ask, p) for p in given})
     places = "25 digits, rad and m, at 20 instants"
     for what, take in RUNS.items():
         yield _errors(what, places, {m.name: partial(_off, take, m) for m in runs if not m.joints})
@@ -89,10 +80,6 @@ def _errors(what: str, against: str, cases: Mapping[str, Callable[[], float]]) -
     return Errors(
         what, against, min(found, default=nothing), max(found, default=nothing), len(cases), refused
     )
-
-
-def _told(problem: Problem) -> str:
-    return f"{problem.name} ({problem.kind})"
 
 
 # --------------------------------------------------------------------------- at states

@@ -46,33 +46,20 @@ MUS, ITERATIONS = (1e-12, 1e-10, 1e-8, 1e-6), (1, 2, 3, 5)
 
 @dataclass
 class Row:
-    """One robot; times in µs, NaN where there is none.
-
-    Attributes
-    ----------
-    robot : str
-    nv, m, clusters : int
-        Velocities, independent velocities, loop clusters.
-    step : float
-        An RK4 step in the kernel.
-    newton : float
-        Newton iterations per right-hand side.
-    aba, constrained : float
-        One evaluation of `aba` (of the open tree) and of `constraintDynamics`: a quarter of an RK4 step
-        in a C++ loop.
-    note : str
-        Why something is missing.
-    """
+    """One robot; times in µs, NaN where there is none."""
 
     robot: str
+    # nv, m, clusters: velocities, independent velocities, loop clusters
     nv: int = 0
     m: int = 0
     clusters: int = 0
-    step: float = np.nan
-    newton: float = np.nan
+    step: float = np.nan  # an RK4 step in the kernel
+    newton: float = np.nan  # Newton iterations per right-hand side
+    # aba, constrained: one evaluation of `aba` (of the open tree) and of `constraintDynamics`: a quarter of
+    # an RK4 step in a C++ loop
     aba: float = np.nan
     constrained: float = np.nan
-    note: str = ""
+    note: str = ""  # why something is missing
 
     @property
     def ratio(self) -> float:

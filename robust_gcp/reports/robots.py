@@ -50,33 +50,16 @@ WORDS = 70
 
 @dataclass
 class Entry:
-    """What became of one file.
-
-    Attributes
-    ----------
-    file : str
-    verdict : {"runs", "falls short", "stops", "refused"}
-    mechanism : Mechanism or None
-    seconds : list of float
-        To load, and for the first run.
-    step : str
-        The step that was taken, ms, or what took over.
-    closure : float
-        Largest max |φ| / length of both runs.
-    energy : list of float
-        Largest error of each run, J.
-    why : str
-        What refused it or stopped it.
-    """
+    """What became of one file."""
 
     file: str
-    verdict: str = "refused"
+    verdict: str = "refused"  # else "runs", "falls short", "stops"
     mechanism: Mechanism | None = None
-    seconds: list[float] = field(default_factory=list)
-    step: str = ""
-    closure: float = float("nan")
-    energy: list[float] = field(default_factory=list)
-    why: str = ""
+    seconds: list[float] = field(default_factory=list)  # to load, and for the first run
+    step: str = ""  # that was taken, ms, or what took over
+    closure: float = float("nan")  # largest max |φ| / length of both runs
+    energy: list[float] = field(default_factory=list)  # largest error of each run, J
+    why: str = ""  # what refused it or stopped it
 
     def cells(self) -> list[str]:
         """A row of the table."""

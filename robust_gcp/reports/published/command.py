@@ -33,28 +33,18 @@ PUBLISHED = ("published by", "what", "theirs", "ours", "apart", "why")
 
 @dataclass(frozen=True)
 class Reached:
-    """What a contender needs for one of the two precisions of a problem.
-
-    Attributes
-    ----------
-    allowed, error : float
-        Largest error of what the results file holds, m and m/s; NaN where no setting was good enough.
-    setting : float
-        Step, s, or relative tolerance.
-    seconds : float
-        Processor time.
-    energy : float
-        Largest change of the energy, J; NaN where it is not constant.
-    """
+    """What a contender needs for one of the two precisions of a problem."""
 
     problem: str
     contender: str
     family: str
+    # allowed, error: largest error of what the results file holds, m and m/s; NaN where no setting was good
+    # enough
     allowed: float
     error: float = np.nan
-    setting: float = np.nan
-    seconds: float = np.nan
-    energy: float = np.nan
+    setting: float = np.nan  # step, s, or relative tolerance
+    seconds: float = np.nan  # processor time
+    energy: float = np.nan  # largest change of the energy, J; NaN where it is not constant
 
 
 def arguments(add_to: Arguments) -> None:

@@ -20,22 +20,13 @@ from ..work_precision.reduced import GRAVITY
 
 @dataclass(frozen=True)
 class Value:
-    """A published number beside ours.
+    """A published number beside ours."""
 
-    Attributes
-    ----------
-    source, what : str
-        Who publishes it, and what it is.
-    theirs, ours, apart : float
-    why : str
-        What the difference is.
-    """
-
-    source: str
+    source: str  # who publishes it
     what: str
     theirs: float
     ours: float
-    why: str
+    why: str  # what the difference is
 
     @property
     def apart(self) -> float:

@@ -33,26 +33,14 @@ FINE = 20
 
 @dataclass(frozen=True)
 class Score:
-    """How a tool does on a motion.
-
-    Attributes
-    ----------
-    error : float
-        Least over its settings: largest difference of a joint at the 20 instants, rad.
-    lost : float
-        When it left the mode at its best setting, s; NaN where it did not.
-    past : bool
-        Whether it went on, without a word, where the motion ends.
-    refused : str
-        Why it was not run.
-    """
+    """How a tool does on a motion."""
 
     tool: str
     motion: str
-    error: float = np.inf
-    lost: float = np.nan
-    refused: str = ""
-    past: bool = False
+    error: float = np.inf  # least over its settings: largest difference of a joint at the 20 instants, rad
+    lost: float = np.nan  # when it left the mode at its best setting, s; NaN where it did not
+    refused: str = ""  # why it was not run
+    past: bool = False  # whether it went on, without a word, where the motion ends
 
     @property
     def cell(self) -> str:
