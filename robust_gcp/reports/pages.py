@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import OptionError
+from .. import OptionError
 
 
 def renew(page: Path, blocks: Mapping[str, str]) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ..errors import OptionError
+from .. import OptionError
 from ..mechanism.tree.tree import Array
 from . import peers
 from .contender import Contender, Scene

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism
 from ...mechanism.tree.tree import Array
 from ..linkages import mechanism_of
 

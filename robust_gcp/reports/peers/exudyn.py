@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from ...mechanism.forces.forces import JointTorque, PointSpring
+from ... import JointTorque, PointSpring
 from ...mechanism.tree.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .exudyn_models import ExudynModel, KinematicTree, PlanarBodies, exu, is_planar

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .compiled import Loop, Settings, knows, why_not

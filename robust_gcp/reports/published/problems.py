@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..work_precision import scenes

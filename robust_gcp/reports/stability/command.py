@@ -6,9 +6,9 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from ... import OptionError
 from ...arguments import Arguments, existing_folder, folder, pathname, word
 from ...drawing.figures import style as plots
-from ...errors import OptionError
 from ...printing import table
 from .. import pages
 from . import extreme_bodies, extreme_motion, extreme_several, extreme_starts, maps, report, stiff

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import OptionError
+from ... import OptionError
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
 from .case import Case, Families, Start, family, row
