@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ... import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
 from .compiled import Loop, Settings, knows, why_not
@@ -74,10 +73,8 @@ def timed(scene: Scene, setting: float, how: Settings) -> Outcome:
     return kept.outcome(seconds, 4 * substeps * min(len(q), outputs))
 
 
-@functools.lru_cache(maxsize=16)
-def loop(mechanism: Mechanism) -> Loop:
-    """The compiled loop of a mechanism."""
-    return Loop(mechanism)
+loop = functools.lru_cache(maxsize=16)(Loop)
+"""The compiled loop of a mechanism."""
 
 
 # --------------------------------------------------------------------------- gains
