@@ -12,10 +12,9 @@ from ...drawing.figures import style as plots
 from ...printing import table
 from .. import pages
 from . import extreme_bodies, extreme_motion, extreme_several, extreme_starts, maps, report, stiff
-from .bound import measure, systems
+from .bound import measure, strides, systems
 from .case import Cell, Families
 from .judge import judge_all
-from .steps import strides
 
 PAGE = "stability.md"
 

@@ -7,8 +7,7 @@ from functools import cache
 
 import numpy as np
 
-from ... import Force, JointDamper, JointSpring, Mechanism, Stats, linearise, simulate
-from ...dynamics.equations import Torque
+from ... import JointSpring, Mechanism, Stats, linearise, simulate
 from ...examples.linkages import four_bar
 from ...mechanism.tree.tree import Array
 from .bound import KICK, systems
@@ -48,20 +47,9 @@ def around(quick: bool) -> Iterator[Case]:
 # --------------------------------------------------------------------------- a stiff drive
 
 
-def driven(servo: Servo) -> Mechanism:
-    """The rhombus, at home on its parallelogram mode, with the drive's spring and damper on q1."""
-    forces: list[Force] = [JointSpring("q1", servo.k, servo.r0), JointDamper("q1", servo.c)]
-    return with_forces(four_bar(1.0, 1.0, 1.0, 1.0, y=servo.y0), forces)
-
-
-def drive(servo: Servo) -> Torque:
-    """What moves the rest of the spring, (nv,)."""
-    return lambda t, q, v: np.array([servo.drive(t), 0.0, 0.0])
-
-
 def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
     duration = 0.5
-    mechanism = driven(servo)
+    mechanism = servo.mechanism()
     floors = cache(servo.floor)
 
     def allowed(setting: Setting, stats: Stats) -> float:
@@ -79,7 +67,7 @@ def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
         cache_by_length(servo.exact),
         mode_kept=lambda q: bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6),
         energy_scale=max(B, servo.k * servo.r0**2, servo.c * servo.nu * servo.r0**2),
-        more={"torque": drive(servo)},
+        more={"torque": servo.torque},
     )
 
 
