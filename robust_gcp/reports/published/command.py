@@ -73,7 +73,7 @@ def run(args: argparse.Namespace) -> int:
     best: list[Reached] = []
     known = {problem.name: problem for problem in PROBLEMS}
     for name in along(args.problem, "benchmarks"):
-        best += _measured(known[name], args, own, where)
+        best += _best_of(known[name], args, own, where)
     rows = [reached_row(one) for one in best]
     print(table(REACHED, rows, None))
     print(footer(where, today))
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _measured(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
+def _best_of(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
     """The fastest of each family, and the files where they are wanted."""
     motion = problem.motion()
     exact = motion.solve()

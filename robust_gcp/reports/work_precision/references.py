@@ -33,7 +33,6 @@ TIGHT, TIGHTEST = 3e-14, 1e-15
 QUADRATURE = 8
 """Gauss–Legendre nodes in each output interval."""
 
-
 CLOSED_FORM = "γ in closed form, Lagrange by hand"
 """What four-bars are integrated from."""
 
