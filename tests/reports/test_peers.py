@@ -23,7 +23,7 @@ from robust_gcp.examples import meetings
 from robust_gcp.kernel import build
 from robust_gcp.kernel.build import BuildError
 from robust_gcp.reports import peers
-from robust_gcp.reports.contender import Contender, Outputs, Scene, division
+from robust_gcp.reports.contender import Contender, Scene, division, reached
 from robust_gcp.reports.peers import compiled, parts, pinocchio
 from robust_gcp.reports.work_precision.ours import nearest
 
@@ -124,13 +124,11 @@ def test_steps_divide_the_spacing_of_the_outputs(step: float, count: int) -> Non
 
 def test_a_blown_up_state_is_not_kept() -> None:
     scene, _ = control("crank_rocker")
-    found = Outputs(scene)
-    assert found.put(scene.q0, scene.v0)
+    good = scene.q0, scene.v0
     for bad in (np.nan, np.inf, 1e9):
-        assert not found.put(scene.q0, np.full(3, bad))
-    outcome = found.outcome(1.0, 8, "it blew up")
-    assert outcome.stopped == "it blew up before t = 0.05 s"
-    assert len(outcome.q) == len(outcome.v) == 2
+        outcome = reached(scene, [good, (scene.q0, np.full(3, bad)), good], 1.0, 8, "it blew up")
+        assert outcome.stopped == "it blew up before t = 0.05 s"
+        assert len(outcome.q) == len(outcome.v) == 2
 
 
 def test_parts_are_the_model() -> None:
