@@ -68,7 +68,8 @@ class Study:
                 if why:
                     self.refused.setdefault(name, []).append(f"{contender.name}: {why}")
                 else:
-                    settings = self._settings(contender, motion)
+                    ladder = (QUICK_STEPS, QUICK_TOLERANCES) if self.quick else (motion.steps,)
+                    settings = settings_of(contender, motion.scene, *ladder)
                     plan.append((motion, contender, settings))
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
@@ -91,13 +92,6 @@ class Study:
         }
         settings = [setting for setting in settings if setting in reached]
         return climb(contender, motion, judge, settings, known, 1, np.inf)  # its time is of no interest
-
-    def _settings(self, contender: Contender, motion: Motion) -> list[float]:
-        if not self.quick:
-            return settings_of(contender, motion.scene, motion.steps)
-        if contender.kind == "adaptive":
-            return list(QUICK_TOLERANCES)
-        return settings_of(contender, motion.scene, QUICK_STEPS)
 
 
 def arguments(add_to: Arguments) -> None:

@@ -150,10 +150,12 @@ def _energy(mechanism: Mechanism, q: Array, v: Array) -> float:
         return np.inf
 
 
-def settings_of(contender: Contender, scene: Scene, steps: Sequence[int]) -> list[float]:
+def settings_of(
+    contender: Contender, scene: Scene, steps: Sequence[int], tolerances: Sequence[float] = TOLERANCES
+) -> list[float]:
     """The contender's ladder, coarse to fine: so many steps in each output interval, or tolerances."""
     if contender.kind == "adaptive":
-        return list(TOLERANCES)
+        return list(tolerances)
     return [float(scene.times[1]) / k for k in steps]
 
 
