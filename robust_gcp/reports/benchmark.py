@@ -146,11 +146,11 @@ def native_seconds(mechanism: Mechanism, h: float = 1e-4) -> dict[str, float]:
     return {"native_step": min(rounds)[0], "native_newton": rounds[0][1]}
 
 
-def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: float = 1e-5) -> float:
-    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
+def thread_gain(mechanism: Mechanism, steps: int = 20_000) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
     if library() is None:
         return float("nan")
-    return gain([batches(mechanism, steps, h) for _ in range(threads)], ROUNDS // 3)
+    return gain([batches(mechanism, steps, 1e-5) for _ in range(2)], ROUNDS // 3)
 
 
 def arguments(add_to: Arguments) -> None:

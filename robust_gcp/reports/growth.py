@@ -90,14 +90,16 @@ def step_seconds(
     The longer run takes `spent` seconds more, if `MOST` allows.
     """
 
-    def seconds(steps: int) -> float:
-        """Of a run of so many steps between outputs."""
+    def scene(steps: int) -> Scene:
+        """So many steps between outputs."""
         times = STEP * steps * np.arange(OUTPUTS + 1)
-        scene = Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
-        found = contender.run(scene, STEP)
+        return Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
+
+    def seconds(steps: int) -> float:
+        found = contender.run(scene(steps), STEP)
         return np.inf if found.stopped else found.seconds
 
-    if contender.refuses(Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), STEP * np.arange(3))):
+    if contender.refuses(scene(1)):
         return None
     few = 1
     seconds(few)  # what is made once, as other coordinates at the start
@@ -117,13 +119,9 @@ def measure(family: str, quick: bool) -> list[Row]:
         row: Row = {"family": family, "size": n, "name": mechanism.name}
         row |= {"nv": mechanism.nv, "m": mechanism.m}
         for name, shown in SHOWN.items():
-            loops = bool(mechanism.closures)
-            wanted = (
-                name in everyone
-                and (loops or name != "Pinocchio, mu > 0")
-                and (not loops or name != "Pinocchio, defaults")
-            )
-            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS) if wanted else None
+            if name not in everyone or (name == "Pinocchio, defaults" and mechanism.closures):
+                continue
+            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS)
             if found is not None:
                 row[shown] = 1e6 * found
         rows.append(row)
@@ -144,17 +142,16 @@ def once(quick: bool) -> dict[str, float]:
     def fall(duration: float, backend: Literal["auto", "python"] = "auto") -> object:
         return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3, backend=backend)
 
-    first = milliseconds(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - milliseconds(
-        lambda: load("crank_rocker"), 3
-    )
-    crank_rocker = load("crank_rocker")
-    start = milliseconds(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
+    short, crank_rocker = partial(simulate, duration=1e-3, step=1e-3), load("crank_rocker")
+    loading = milliseconds(lambda: load("crank_rocker"), 3)
+    first = milliseconds(lambda: short(load("crank_rocker")), 3) - loading
+    start = milliseconds(partial(short, crank_rocker))
     crossing = milliseconds(partial(fall, 0.3)) - milliseconds(partial(fall, 0.1))
     delta = load("delta")
     q, v = delta.home, np.asarray(delta.recommended.v0)
     accelerated = milliseconds(lambda: forward_dynamics(delta, q, v))
     zero = np.zeros(delta.nv)
-    stepped = milliseconds(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
+    stepped = milliseconds(partial(short, delta, q, v, backend="python"))
     return {
         "derivatives": milliseconds(lambda: derivatives(delta, q, v)) / accelerated,
         "jacobians": milliseconds(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
@@ -166,14 +163,10 @@ def once(quick: bool) -> dict[str, float]:
     }
 
 
-def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> float:
-    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
-    steps = 500 if quick else 20_000
-
-    def work() -> object:
-        return simulate(mechanism, duration=steps * 1e-5, step=1e-5)
-
-    return gain([work] * threads, 2 if quick else 7)
+def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
+    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
+    return gain([work] * 2, 2 if quick else 7)
 
 
 PAGES = ("docs/kernel.md", "README.md")
