@@ -13,12 +13,11 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from .. import OptionError, SimulationError, simulate
 from ..arguments import DEFAULT, Arguments, file, number, pathname, positive, whole
-from ..errors import OptionError, SimulationError
 from ..examples.linkages import n_four_bar
 from ..maps.pendulum import pendulum
 from ..printing import along, table, write_json
-from ..simulation.simulate import simulate
 
 SIZES = (1, 2, 5, 10, 40)
 GRAVITY = 9.81

@@ -7,31 +7,24 @@ import itertools
 import os
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from .. import BridgeOptions, Mechanism, OptionError, backends, load, simulate
 from ..arguments import DEFAULT, Arguments, existing_file, file, known_folder, pathname, whole, word
 from ..dynamics.problem import initial_value_problem
-from ..errors import OptionError
 from ..examples.linkages import n_four_bar
-from ..io.loader import load
-from ..kernel import backends
-from ..kernel.library import Library, library
-from ..kernel.simulation.batch import Outputs
-from ..kernel.simulation.workspace import Workspace
+from ..kernel.library import library
 from ..maps.choice import MapChoice
-from ..maps.cluster.options import BridgeOptions
 from ..maps.cluster.regular_ground import same_branch
-from ..mechanism.mechanism import Mechanism
 from ..printing import along, table, write_json
-from ..simulation.simulate import simulate
-from . import derivative_cost, derivative_paths
+from . import derivative_cost, derivative_paths, robot_speed, throughput
+from .robot_speed import batches
 from .throughput import gain
-
-Batch = Callable[[], tuple[float, float]]
-"""Does a batch of steps: seconds per step and Newton iterations per right-hand side."""
+from .timing import exponent, least, seconds
 
 SIZES = (1, 5, 10, 20, 40)
 SHARES = ("map", "M_and_C", "rest", "zone_test")
@@ -44,17 +37,14 @@ ROUNDS = 50
 
 def seconds_per_call(call: Callable[[], object], budget: float = 0.1) -> float:
     """Smallest mean time of a call over five rounds, s: the least disturbed by other processes."""
-    begun = time.perf_counter()
-    call()
-    once = max(time.perf_counter() - begun, 1e-7)
+    once = max(seconds(call, time.perf_counter), 1e-7)
     count = max(3, int(budget / 5.0 / once))
-    rounds = []
-    for _ in range(5):
-        begun = time.perf_counter()
+
+    def several() -> None:
         for _ in range(count):
             call()
-        rounds.append((time.perf_counter() - begun) / count)
-    return min(rounds)
+
+    return least(several, 5, time.perf_counter) / count
 
 
 def naive(n: int) -> Callable[[], object]:
@@ -147,43 +137,20 @@ def measure(n: int, budget: float = 0.1) -> dict[str, float]:
     return {"loops": n} | {name: 1e6 * (times | native)[name] for name in names} | per_rhs
 
 
-def batches(found: Library, mechanism: Mechanism, steps: int, h: float) -> Batch:
-    """The same batch of steps of h, s, from home at rest, again and again.
-
-    The batch raises a RuntimeError when the kernel stopped before the end.
-    """
-    motion = initial_value_problem(mechanism)
-    now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
-    outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
-    workspace = Workspace(found, mechanism, motion.start.path)
-
-    def run() -> tuple[float, float]:
-        begun = time.perf_counter()
-        batch = workspace.run(times, motion.x, now, outputs, BridgeOptions().zone)
-        spent = time.perf_counter() - begun
-        if batch.steps < steps:
-            raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
-        return spent / steps, batch.counts["newton_iterations"] / batch.rhs
-
-    return run
-
-
 def native_seconds(mechanism: Mechanism, h: float = 1e-4) -> dict[str, float]:
     """Seconds per RK4 step in the kernel, and Newton iterations; empty without it."""
-    found = library()
-    if found is None:
+    if library() is None:
         return {}
-    run = batches(found, mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
+    run = batches(mechanism, max(20, 1000 // mechanism.nv), h)  # some ms
     rounds = [run() for _ in range(ROUNDS)]
     return {"native_step": min(rounds)[0], "native_newton": rounds[0][1]}
 
 
-def thread_gain(mechanism: Mechanism, threads: int = 2, steps: int = 20_000, h: float = 1e-5) -> float:
-    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
-    found = library()
-    if found is None:
+def thread_gain(mechanism: Mechanism, steps: int = 20_000) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
+    if library() is None:
         return float("nan")
-    return gain([batches(found, mechanism, steps, h) for _ in range(threads)], ROUNDS // 3)
+    return gain([batches(mechanism, steps, 1e-5) for _ in range(2)], ROUNDS // 3)
 
 
 def arguments(add_to: Arguments) -> None:
@@ -255,8 +222,6 @@ MANY = ("crank_rocker", "rhombus", "five_bar", "slider_crank", "walker", "stewar
 
 def _starts(args: argparse.Namespace) -> int:
     """The table of many starts."""
-    from . import throughput
-
     steps, h, rounds = (50, 1e-3, 1) if args.quick else (500, 1e-3, 3)
     counts = sorted({1, os.cpu_count() or 1})
     rows = [
@@ -273,8 +238,6 @@ def _starts(args: argparse.Namespace) -> int:
 
 def _robots(args: argparse.Namespace) -> int:
     """The table of robots."""
-    from . import robot_speed
-
     found: list[tuple[str | Path, str]] = [(name, name) for name in robot_speed.SHIPPED if args.shipped]
     if args.robots is not None:
         paths = robot_speed.robots_in(args.robots)
@@ -288,13 +251,12 @@ def _robots(args: argparse.Namespace) -> int:
         "tree), constraintDynamics (cheapest right setting): a quarter of an RK4 step in a C++ loop; ratio:"
     )
     print("a step of ours over one evaluation of constraintDynamics, of aba where nothing is closed")
-    print(table(robot_speed.HEADER, [robot_speed.cells(row) for row in rows], None))
+    print(table(robot_speed.HEADER, [row.cells for row in rows], None))
     if args.out:
-        write_json(args.out, robot_speed.figures(rows))
+        write_json(args.out, [asdict(row) | {"ratio": row.ratio} for row in rows])
     return 0
 
 
 def _exponent(rows: Sequence[dict[str, float]], name: str) -> float:
     """p of cost ~ N^p."""
-    logs = np.log([[row["loops"], row[name]] for row in rows])
-    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
+    return exponent([row["loops"] for row in rows], [row[name] for row in rows])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
 
-from ..mechanism.mechanism import Mechanism
-from ..mechanism.parts import JointFriction, Stop
+from .. import JointFriction, Mechanism, Stop
 from ..mechanism.tree.tree import Array
 
 Kind = Literal["fixed", "adaptive"]
@@ -56,29 +56,22 @@ def division(scene: Scene, step: float) -> tuple[int, float]:
     return count, spacing / count
 
 
-class Outputs:
-    """q and v at the scene's times, filled while a tool steps."""
+def reached(
+    scene: Scene, states: Iterable[tuple[Array, Array]], seconds: float, rhs: int,
+    why: str = "the state left the finite numbers",
+) -> Outcome:  # fmt: skip
+    """The start and the states (q, v) after it, until the run has blown up.
 
-    def __init__(self, scene: Scene) -> None:
-        self._times = scene.times
-        n = len(scene.times)
-        self._q, self._v = np.empty((n, len(scene.q0))), np.empty((n, len(scene.v0)))
-        self._q[0], self._v[0] = scene.q0, scene.v0
-        self._filled = 1
-
-    def put(self, q: Array, v: Array) -> bool:
-        """Keep the next state; False, and nothing is kept, once the run has blown up."""
+    Where some are missing, `why` with the time at which the first is.
+    """
+    kept = [(scene.q0, scene.v0)]
+    for q, v in states:
         if not (np.abs(q).max() < BOUND and np.abs(v).max() < BOUND):  # so written for NaN's sake
-            return False
-        self._q[self._filled], self._v[self._filled] = q, v
-        self._filled += 1
-        return True
-
-    def outcome(self, seconds: float, rhs: int, why: str = "the state left the finite numbers") -> Outcome:
-        """The states kept; where some are missing, `why` with the time at which the first is."""
-        n = self._filled
-        stopped = "" if n == len(self._times) else f"{why} before t = {self._times[n]:.6g} s"
-        return Outcome(self._q[:n], self._v[:n], seconds, rhs, stopped)
+            break
+        kept.append((q, v))
+    n = len(kept)
+    stopped = "" if n == len(scene.times) else f"{why} before t = {scene.times[n]:.6g} s"
+    return Outcome(np.array([q for q, _ in kept]), np.array([v for _, v in kept]), seconds, rhs, stopped)
 
 
 class Contender(Protocol):

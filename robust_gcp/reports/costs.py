@@ -20,23 +20,18 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.local import analyse
+from .. import Mechanism, Stats, analyse, backends, load, simulate
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..examples.linkages import n_four_bar
-from ..io.loader import load
-from ..kernel import backends
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.forces.applied_forces import AppliedForces
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Tree
 from ..printing import along, write, write_json
-from ..simulation.runs.stats import Stats
-from ..simulation.simulate import simulate
 from . import pages
 from .contender import clock
-from .costs_scenes import SCENES, Scene
+from .costs_scenes import SCENES
 from .growth import QUICK, step_seconds
 from .work_precision.ours import Ours
 
@@ -68,9 +63,9 @@ class Cost:
     microseconds: float  # of a step, the least of some rounds
 
 
-def measure(scene: Scene, rounds: int = 3) -> Cost:
+def measure(scene: str, rounds: int = 3) -> Cost:
     """Counts and time of a scene, by the Python reference."""
-    mechanism, arguments = scene.make()
+    mechanism, arguments = SCENES[scene]()
     counted, begun, before = Counter[str](), [0.0], sys.getprofile()
     codes = {_code(f): part for part, functions in PARTS.items() for f in functions}
 
@@ -97,7 +92,7 @@ def measure(scene: Scene, rounds: int = 3) -> Cost:
         simulate(mechanism, backend="python", progress=begin, **arguments)
         times.append((clock() - begun[0]) / steps)
     calls = {part: counted[part] for part in PARTS}
-    return Cost(scene.name, steps, calls, run.stats, len(run.crossings), 1e6 * min(times))
+    return Cost(scene, steps, calls, run.stats, len(run.crossings), 1e6 * min(times))
 
 
 def _code(function: Any) -> Any:
@@ -206,20 +201,14 @@ def run(args: argparse.Namespace) -> int:
     pages.require_marks(args.refresh, ["costs"])
     rounds = 1 if args.quick else 5
     load("crank_rocker")  # what is loaded late is loaded now
-    costs = [measure(scene, rounds) for scene in along(SCENES, "costs")]
+    costs = [measure(scene, rounds) for scene in along(list(SCENES), "costs")]
     milliseconds = import_milliseconds(rounds)
     method = method_costs(QUICK if args.quick else 4)
     text = markdown(costs, milliseconds, method)
     print(text, end="")
     if args.out is not None:
         write(args.out / "costs.md", text)
-        figures = {
-            "import_milliseconds": milliseconds,
-            "method": method,
-            "scenes": [asdict(cost) for cost in costs],
-        }
-        write_json(args.out / "costs.json", figures)
-    if args.refresh is not None:
-        pages.renew(args.refresh, {"costs": text})
-        print(f"renewed {args.refresh}")
+        figures = {"import_milliseconds": milliseconds, "method": method}
+        write_json(args.out / "costs.json", figures | {"scenes": [asdict(cost) for cost in costs]})
+    pages.refresh(args.refresh, {"costs": text})
     return 0

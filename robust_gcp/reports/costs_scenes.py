@@ -3,27 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from .. import JointDamper, JointSpring, Mechanism, load
 from ..examples import linkages
-from ..io.loader import load
-from ..mechanism.forces.forces import JointDamper, JointSpring
-from ..mechanism.mechanism import Mechanism
 from .stability.truth import with_forces
 
 RECORDS = ("a", "energy", "multipliers")
-
-
-@dataclass(frozen=True)
-class Scene:
-    """A mechanism and the arguments of `simulate`."""
-
-    name: str  # in words, for the table
-    make: Callable[[], tuple[Mechanism, dict[str, Any]]]
 
 
 def _pendulum() -> Mechanism:
@@ -72,24 +61,25 @@ def _toggling() -> tuple[Mechanism, dict[str, Any]]:
     return driven.with_independent(["q3"]), _far(**start, duration=0.4, on_toggle="repartition")
 
 
-SCENES = (
-    Scene("one pendulum", lambda: (_pendulum(), _far())),
-    Scene("a pendulum with spring and damper", lambda: (_with_forces(_pendulum()), _far())),
-    Scene("one loop, far from singular", lambda: (load("crank_rocker"), _far())),
-    Scene("… with spring and damper", lambda: (_with_forces(load("crank_rocker")), _far())),
-    Scene("… with a torque", lambda: (load("crank_rocker"), _far(torque=_brake))),
-    Scene("… recording a", lambda: (load("crank_rocker"), _far(record=("a",)))),
-    Scene("… recording the energy", lambda: (load("crank_rocker"), _far(record=("energy",)))),
-    Scene("… recording λ", lambda: (load("crank_rocker"), _far(record=("multipliers",)))),
-    Scene("… by DOP853", lambda: (load("crank_rocker"), _far(stepper="DOP853"))),
-    Scene("three loops in a row", lambda: (linkages.n_four_bar(3), _far())),
-    Scene("two coordinates, far from singular", lambda: (load("five_bar"), _far())),
-    Scene("one closure row too many (Bricard)", lambda: (load("bricard"), _far())),
-    Scene("a delta robot, far from singular", lambda: (load("delta"), _moving("delta"))),
-    Scene("a walker's two clusters, far from singular", lambda: (load("walker"), _moving("walker"))),
-    Scene("a floating walker, far from singular", lambda: (load("walker", base="free"), _far())),
-    Scene("through a crossing", lambda: (load("rhombus"), _rhombus())),
-    Scene("two coordinates, through a crossing", _swinging),
-    Scene("the coordinate turns back: repartition", _toggling),
-    Scene("everything on", lambda: (_with_forces(load("rhombus")), _rhombus(torque=_brake, record=RECORDS))),
-)
+SCENES: dict[str, Callable[[], tuple[Mechanism, dict[str, Any]]]] = {
+    "one pendulum": lambda: (_pendulum(), _far()),
+    "a pendulum with spring and damper": lambda: (_with_forces(_pendulum()), _far()),
+    "one loop, far from singular": lambda: (load("crank_rocker"), _far()),
+    "… with spring and damper": lambda: (_with_forces(load("crank_rocker")), _far()),
+    "… with a torque": lambda: (load("crank_rocker"), _far(torque=_brake)),
+    "… recording a": lambda: (load("crank_rocker"), _far(record=("a",))),
+    "… recording the energy": lambda: (load("crank_rocker"), _far(record=("energy",))),
+    "… recording λ": lambda: (load("crank_rocker"), _far(record=("multipliers",))),
+    "… by DOP853": lambda: (load("crank_rocker"), _far(stepper="DOP853")),
+    "three loops in a row": lambda: (linkages.n_four_bar(3), _far()),
+    "two coordinates, far from singular": lambda: (load("five_bar"), _far()),
+    "one closure row too many (Bricard)": lambda: (load("bricard"), _far()),
+    "a delta robot, far from singular": lambda: (load("delta"), _moving("delta")),
+    "a walker's two clusters, far from singular": lambda: (load("walker"), _moving("walker")),
+    "a floating walker, far from singular": lambda: (load("walker", base="free"), _far()),
+    "through a crossing": lambda: (load("rhombus"), _rhombus()),
+    "two coordinates, through a crossing": _swinging,
+    "the coordinate turns back: repartition": _toggling,
+    "everything on": lambda: (_with_forces(load("rhombus")), _rhombus(torque=_brake, record=RECORDS)),
+}
+"""A mechanism and the arguments of `simulate`, by names for the table."""

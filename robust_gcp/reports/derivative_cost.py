@@ -4,36 +4,21 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from .. import Cost, Mechanism, ModelWarning, RobustGcpError, Trajectory, backends, gradient, load, simulate
 from ..dynamics.equations import Torque
-from ..errors import ModelWarning, RobustGcpError
 from ..examples.legged import legged
-from ..io.loader import load
-from ..kernel import backends
 from ..kernel.derivatives.derivations import derivation
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.simulate import simulate
-from ..simulation.trajectories.trajectory import Trajectory
 from . import pages
-from .contender import clock
 from .robot_speed import robots_in
-
-
-def rhombus() -> Mechanism:
-    """At home beside its flat configuration, which it passes when it swings."""
-    made = load("rhombus")
-    home = np.array([0.2, -0.2, 0.2])
-    return Mechanism.from_pinocchio(made.model, made.closures, made.independent, home=home)
-
+from .timing import least
 
 SHIPPED: dict[str, Callable[[], Mechanism]] = {
     "a four-bar": lambda: load("crank_rocker"),
@@ -43,7 +28,7 @@ SHIPPED: dict[str, Callable[[], Mechanism]] = {
     "a Stewart platform": lambda: load("stewart"),
     "a walker": lambda: load("walker"),
     "four legs, floating": lambda: legged(4, floating=True),
-    "a rhombus, flat twice": rhombus,
+    "a rhombus, flat twice": lambda: load("rhombus"),
 }
 
 LONG = {"a rhombus, flat twice": 1e-3}
@@ -63,35 +48,19 @@ GRADIENTS = ("gradient / run", "by masses", "by a placement", "feedback")
 HEADER = ("mechanism", "nv", "m", "forward, µs", "derivatives, µs", "ratio", *GRADIENTS)
 
 
-@dataclass(frozen=True)
-class DerivativeCost:
-    """µs of one forward evaluation and of derivatives with it; times of gradients over those of their runs.
-
-    Of gradients by the start and torques alone, with all masses as parameters, with the placement of a joint,
-    and of a run under a torque function that is differentiated; NaN where there is none.
-    """
-
-    name: str
-    nv: int
-    m: int
-    forward: float
-    derivatives: float
-    gradient: float
-    by_masses: float
-    by_placement: float
-    feedback: float
-
-    @property
-    def cells(self) -> list[str]:
-        """A row of the table."""
-        ratio = self.derivatives / self.forward
-        micro = [f"{value:.3g}" for value in (self.forward, self.derivatives)]
-        ratios = ratio, self.gradient, self.by_masses, self.by_placement, self.feedback
-        rest = ["–" if np.isnan(value) else f"{value:.2g}" for value in ratios]
-        return [self.name, str(self.nv), str(self.m), *micro, *rest]
+Row = dict[str, Any]
+"""A name, nv and m; µs of a forward evaluation and of derivatives with it; times of gradients over those of
+their runs, as `_gradients` has them."""
 
 
-def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | None:
+def cells(row: Row) -> list[str]:
+    """A row of the table."""
+    name, nv, m, forward, derivatives, *gradients = row.values()
+    ratios = ["–" if np.isnan(x) else f"{x:.2g}" for x in (derivatives / forward, *gradients)]
+    return [name, str(nv), str(m), f"{forward:.3g}", f"{derivatives:.3g}", *ratios]
+
+
+def measured(name: str, mechanism: Mechanism, rounds: int) -> Row | None:
     """Least times of some rounds at home; None where the kernel has no derivatives of it there."""
     q = mechanism.home
     kernel = derivation(mechanism, q)
@@ -101,13 +70,14 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> DerivativeCost | N
     states, fast, held = (np.tile(part, (STATES, 1)) for part in (q, v, tau))
     if not kernel.slopes(states, fast, held).good.all():
         return None
-    forward = _least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
-    derivatives = _least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
-    ratios = _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
-    return DerivativeCost(name, mechanism.nv, mechanism.m, 1e6 * forward, 1e6 * derivatives, *ratios)
+    forward = least(lambda: kernel.forward_dynamics(states, fast, held, known=True), rounds) / STATES
+    derivatives = least(lambda: kernel.slopes(states, fast, held, known=True), rounds) / STATES
+    found = {"name": name, "nv": mechanism.nv, "m": mechanism.m}
+    found |= {"forward": 1e6 * forward, "derivatives": 1e6 * derivatives}
+    return found | _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
 
 
-def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[DerivativeCost]:
+def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[Row]:
     """Of shipped models, or of the robots that are given; without those that the kernel does not take."""
     made: dict[str, Callable[[], Mechanism | None]] = dict(SHIPPED)
     if robots is not None:
@@ -137,18 +107,16 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
         return
     robots = None if folder is None else {str(p.relative_to(folder)): p for p in robots_in(folder)}
     found = rows(robots, base, rounds)
-    cells = [row.cells for row in found]
+    lines = [cells(row) for row in found]
     print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
     print(
         f"gradient / run: of a cost at the end of {STEPS} steps of RK4, over the time of the run; also with"
     )
     print("all masses as parameters, with a joint's placement, and under a torque function beside its run")
-    print(table(HEADER, cells, None))
+    print(table(HEADER, lines, None))
     if out:
-        write_json(out, [asdict(row) for row in found])
-    if page is not None:
-        pages.renew(page, {block: pages.table([HEADER, *cells], range(1, len(HEADER)))})
-        print(f"renewed {page}")
+        write_json(out, found)
+    pages.refresh(page, {block: pages.table([HEADER, *lines], range(1, len(HEADER)))})
 
 
 def _robot(path: Path, base: str | None) -> Mechanism | None:
@@ -161,8 +129,12 @@ def _robot(path: Path, base: str | None) -> Mechanism | None:
         return None
 
 
-def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> list[float]:
-    """Times of gradients of a terminal cost over those of their runs, see `DerivativeCost`."""
+def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> dict[str, float]:
+    """Times of gradients of a terminal cost over those of their runs; NaN where there is none.
+
+    By the start and torques alone, with all masses as parameters, with the placement of a joint, and of a run
+    under a torque function that is differentiated.
+    """
     by_q, by_v = np.zeros(mechanism.nv), np.ones(mechanism.nv)
     cost = Cost(terminal=lambda q, v: float(by_v @ v), terminal_slopes=lambda q, v: (by_q, by_v))
     drag = -0.1 * np.eye(mechanism.nv)
@@ -184,20 +156,15 @@ def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: in
         except RobustGcpError:  # to where its coordinates end, or its modes, or loops do not stay closed
             return float("nan")
         few = max(2, rounds // 10)
-        swept = _least(lambda: gradient(run, cost, parameters=parameters, torque_slopes=of_torque), few)
-        return swept / _least(make, few)
+        swept = least(lambda: gradient(run, cost, parameters=parameters, torque_slopes=of_torque), few)
+        return swept / least(make, few)
 
     last = mechanism.joints[-1].name
     placed = (ratio(None, f"{last}.placement.{axis}") for axis in "yzx")
     by_placement = next((found for found in placed if not np.isnan(found)), float("nan"))
-    return [ratio(None), ratio(None, *masses), by_placement, ratio(feedback)]
-
-
-def _least(call: Callable[[], object], rounds: int) -> float:
-    """s."""
-    times = []
-    for _ in range(rounds):
-        begun = clock()
-        call()
-        times.append(clock() - begun)
-    return min(times)
+    return {
+        "gradient": ratio(None),
+        "by_masses": ratio(None, *masses),
+        "by_placement": by_placement,
+        "feedback": ratio(feedback),
+    }

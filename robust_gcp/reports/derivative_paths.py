@@ -11,29 +11,21 @@ from typing import Any
 
 import numpy as np
 
-from ..analysis.local import analyse
-from ..dynamics.loads import Wrench
+from .. import Cost, Mechanism, Wrench, analyse, backends, gradient, linearise, load, motion_point, simulate
 from ..errors import PerformanceWarning
 from ..examples.families import planar_linkage
 from ..examples.six_bars import joined_by_dyad
-from ..io.loader import load
-from ..kernel import backends
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.derivatives.linearised import linearise
-from ..simulation.derivatives.motion_point import motion_point
 from ..simulation.derivatives.one_step import step, step_jacobians
 from ..simulation.derivatives.parameter_derivatives import by_parameters
 from ..simulation.derivatives.second_derivatives import second_derivatives
-from ..simulation.simulate import simulate
+from ..simulation.trajectories.trajectory import Trajectory
 from . import pages, path_accuracy, run_paths
-from .contender import clock
 from .machine import footer, machine
 from .run_paths import MANY, Call, Each
+from .timing import least
 
 FEW = 16
 """Each so many-th problem and motion, in a quick round."""
@@ -68,13 +60,8 @@ class Way:
     @property
     def cells(self) -> list[str]:
         """A row of the table."""
-        return [
-            self.what,
-            self.where,
-            f"{self.micro:.0f}",
-            f"{self.ratio:.1f}",
-            self.why or ("warned" if self.warned else ""),
-        ]
+        why = self.why or ("warned" if self.warned else "")
+        return [self.what, self.where, f"{self.micro:.0f}", f"{self.ratio:.1f}", why]
 
     @property
     def good(self) -> bool:
@@ -107,8 +94,7 @@ def tell(rounds: int, full: bool, out: Path | None, refresh: Path | None) -> int
     out, refresh : Path, optional
         Everything as JSON; a page whose blocks `worst paths` and `errors of paths` are renewed.
     """
-    if refresh is not None:
-        pages.require_marks(refresh, ["worst paths", "errors of paths"])
+    pages.require_marks(refresh, ["worst paths", "errors of paths"])
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return 0
@@ -127,14 +113,11 @@ def tell(rounds: int, full: bool, out: Path | None, refresh: Path | None) -> int
     if out:
         told = {"ways": [asdict(row) for row in found], "errors": [asdict(row) for row in off]}
         write_json(out, {"machine": where, **told})
-    if refresh is not None:
-        blocks = {
-            "worst paths": pages.table([HEADER, *(row.cells for row in worst(found))], (2, 3)),
-            "errors of paths": pages.table([path_accuracy.HEADER, *(row.cells for row in off)], (2, 4, 6, 7)),
-        }
-        last = f"\n\n*{footer(where)}*"
-        pages.renew(refresh, {name: block + last for name, block in blocks.items()})
-        print(f"renewed {refresh}")
+    blocks = {
+        "worst paths": pages.table([HEADER, *(row.cells for row in worst(found))], (2, 3)),
+        "errors of paths": pages.table([path_accuracy.HEADER, *(row.cells for row in off)], (2, 4, 6, 7)),
+    }
+    pages.refresh(refresh, {name: f"{block}\n\n*{footer(where)}*" for name, block in blocks.items()})
     return 1 if bad else 0
 
 
@@ -154,23 +137,20 @@ def _timed(call: Call, rounds: int) -> tuple[float, bool]:
         warnings.simplefilter("always")
         call()
         call()
-        times = []
-        for _ in range(rounds):
-            begun = clock()
-            call()
-            times.append(clock() - begun)
+        time = least(call, rounds)
     each = call.count if isinstance(call, Each) else 1
-    return min(times) / each, any(issubclass(w.category, PerformanceWarning) for w in told)
+    return time / each, any(issubclass(w.category, PerformanceWarning) for w in told)
 
 
 def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
     """What is called, at a regular state and elsewhere."""
     rocker, bars = load("crank_rocker"), load("rhombus")
-    v, tau, feedback = rocker.lift(rocker.home, [1.0]), np.zeros(3), -0.1 * np.eye(3)
+    regular, drag = (rocker, rocker.home, rocker.lift(rocker.home, [1.0])), -0.1 * np.eye(3)
     flat, mode = np.zeros(3), np.array(analyse(bars, np.zeros(3)).modes[0])
+    across = bars, flat, 2.0 * mode
     places: dict[str, tuple[Mechanism, Array, Array, dict[str, Any]]] = {
-        "mode= at a regular state": (rocker, rocker.home, v, {"mode": rocker.G(rocker.home)[:, 0]}),
-        "singular, moving": (bars, flat, 2.0 * mode, {}),
+        "mode= at a regular state": (*regular, {"mode": rocker.G(rocker.home)[:, 0]}),
+        "singular, moving": (*across, {}),
         "singular, at rest with mode=": (bars, flat, 0.0 * mode, {"mode": mode}),
         "beside a dead point": (*dead_point(), {}),
         "beside a singular surface, two coordinates": (*at_a_surface(0.01), {}),
@@ -180,72 +160,53 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
     push = [Wrench("q2", np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]))]
 
     def follow(t: float, q: Array, v: Array) -> Array:
-        return feedback @ v
+        return drag @ v
 
     for what, call in CALLS.items():
         others: dict[str, Call] = {}
         for where, (mech, q, fast, options) in places.items():
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
         if what != "linearise":  # of one state
-            rows = [np.tile(part, (MANY, 1)) for part in (rocker.home, v, tau)]
+            rows = [np.tile(part, (MANY, 1)) for part in (*regular[1:], np.zeros(3))]
             others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)
         if what in ("derivatives", "linearise"):
-            others["a wrench"] = partial(call, rocker, rocker.home, v, tau, wrenches=push)
-            others["a torque function"] = partial(call, rocker, rocker.home, v, follow)
-        yield what, partial(call, rocker, rocker.home, v, tau), others
+            others["a wrench"] = partial(call, *regular, np.zeros(3), wrenches=push)
+            others["a torque function"] = partial(call, *regular, follow)
+        yield what, partial(call, *regular, np.zeros(3)), others
 
-    name = "q2.placement.y"
+    def by(place: tuple[Mechanism, Array, Array], parameter: str, h: float | None = None) -> Call:
+        return partial(by_parameters, *place, None, [parameter], h=h)
 
-    def by(mech: Mechanism, q: Array, v: Array, parameter: str, h: float | None) -> Call:
-        return lambda: by_parameters(mech, q, v, None, [parameter], h=h)
-
-    usual = CALLS["derivatives"]
-    yield (
-        "by_parameters, beside derivatives",
-        lambda: usual(rocker, rocker.home, v, tau),
-        {
-            "a mass": by(rocker, rocker.home, v, "q2.mass", None),
-            "geometry": by(rocker, rocker.home, v, name, None),
-            "a mass, of a step": by(rocker, rocker.home, v, "q2.mass", 1e-3),
-            "geometry, of a step": by(rocker, rocker.home, v, name, 1e-3),
-            "a mass, singular": by(bars, flat, 2.0 * mode, "q2.m", None),
-            "a mass, of a step, singular": by(bars, flat, 2.0 * mode, "q2.m", 1e-3),
-        },
-    )
-    yield (
-        "second_derivatives, beside 16 derivatives",
-        lambda: [usual(rocker, rocker.home, v, tau) for _ in range(16)],
-        {"": lambda: second_derivatives(rocker, rocker.home, v, tau, dy=[1.0])},
-    )
-    yield from _gradients(rocker, v, bars)
+    usual = partial(derivatives, *regular, np.zeros(3))
+    parameters = {
+        "a mass": by(regular, "q2.mass"),
+        "geometry": by(regular, "q2.placement.y"),
+        "a mass, of a step": by(regular, "q2.mass", 1e-3),
+        "geometry, of a step": by(regular, "q2.placement.y", 1e-3),
+        "a mass, singular": by(across, "q2.m"),
+        "a mass, of a step, singular": by(across, "q2.m", 1e-3),
+    }
+    yield "by_parameters, beside derivatives", usual, parameters
+    twice = partial(second_derivatives, *regular, np.zeros(3), dy=[1.0])
+    yield "second_derivatives, beside 16 derivatives", lambda: [usual() for _ in range(16)], {"": twice}
+    crank = partial(simulate, *regular, duration=0.2, step=1e-3)
+    yield from _gradients(crank, crank(torque=follow), partial(simulate, bars, duration=0.3, step=1.5e-3))
 
 
-def _gradients(rocker: Mechanism, v: Array, bars: Mechanism) -> Iterator[tuple[str, Call, dict[str, Call]]]:
-    """Those of runs of 200 steps, beside their runs."""
-    drag = -0.1 * np.eye(3)
+def _gradients(
+    crank: Callable[[], Trajectory], pushed: Trajectory, cross: Callable[[], Trajectory]
+) -> Iterator[tuple[str, Call, dict[str, Call]]]:
+    """Those of runs of 200 steps, beside their runs: plain, under a torque function, through a crossing."""
     cost = Cost(terminal=lambda q, v: float(q[0]), terminal_slopes=lambda q, v: (np.eye(3)[0], np.zeros(3)))
-    home = np.array([0.2, -0.2, 0.2])
-
-    def crank(**options: Any) -> Any:
-        return simulate(rocker, rocker.home, v, duration=0.2, step=1e-3, **options)
-
-    plain, pushed = crank(), crank(torque=lambda t, q, v: drag @ v)
-    crossed = simulate(bars, home, duration=0.3, step=1.5e-3)
-    yield (
-        "gradient, beside its run",
-        crank,
-        {
-            "": lambda: gradient(plain, cost),
-            "masses": lambda: gradient(plain, cost, parameters=["q2.mass"]),
-            "geometry": lambda: gradient(plain, cost, parameters=["q2.placement.y"]),
-            "a torque function": lambda: gradient(pushed, cost),
-        },
-    )
-    yield (
-        "gradient, beside its run through a crossing",
-        lambda: simulate(bars, home, duration=0.3, step=1.5e-3),
-        {"": lambda: gradient(crossed, cost)},
-    )
+    plain = partial(gradient, crank(), cost)
+    others: dict[str, Call] = {
+        "": plain,
+        "masses": partial(plain, parameters=["q2.mass"]),
+        "geometry": partial(plain, parameters=["q2.placement.y"]),
+        "a torque function": partial(gradient, pushed, cost),
+    }
+    yield "gradient, beside its run", crank, others
+    yield "gradient, beside its run through a crossing", cross, {"": partial(gradient, cross(), cost)}
 
 
 def five_bar_in_line() -> tuple[Mechanism, Array, Array]:

@@ -8,31 +8,26 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
+from .. import Mechanism, OptionError, PointClosure, backends, load, simulate
 from ..arguments import Arguments, existing_folder, folder, pathname
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
 from ..dynamics.discrete import step_jacobians
-from ..errors import OptionError
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
-from ..io.loader import load
-from ..kernel import backends
-from ..mechanism.constraint.closures import PointClosure
-from ..mechanism.mechanism import Mechanism
 from ..printing import along, write_json
-from ..simulation.simulate import simulate
 from . import pages, peers
-from .contender import Contender, Scene, clock
+from .contender import Contender, Scene
 from .growth_report import SHOWN, Row, draw, sentence, tables
 from .machine import footer, machine
 from .throughput import gain
+from .timing import least
 from .work_precision import ours
 
 ANGLE = 1.2
@@ -46,15 +41,6 @@ SPENT, ROUNDS = 6e-3, 9
 
 QUICK = 2
 """Rounds of a smoke test."""
-
-
-@dataclass(frozen=True)
-class Family:
-    """Mechanisms that grow."""
-
-    name: str
-    sizes: tuple[int, ...]
-    make: Callable[[int], Mechanism]
 
 
 def polygon(m: int) -> Mechanism:
@@ -80,18 +66,20 @@ def pendulums(n: int) -> Mechanism:
     return Mechanism.from_pinocchio(model, home=[0.3] * n)
 
 
-FAMILIES = (
-    Family("loops", (1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
-    Family(
-        "clusters", (1, 2, 4, 8, 16),
-        lambda n: four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0),
-    ),
-    Family("mobility", (1, 2, 3, 4, 6), polygon),
-    Family("joints", (1, 2, 5, 10, 20, 40), pendulums),
-    Family("robots", (3, 4), lambda m: load("delta" if m == 3 else "walker")),
-)  # fmt: skip
-"""Four-bars in a row, in one cluster; four-bars side by side, each a cluster; m + 3 joints in one loop; a
-chain of n; and robots, by their mobility."""
+def side_by_side(n: int) -> Mechanism:
+    """Four-bars of which each is a cluster."""
+    return four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0)
+
+
+FAMILIES: dict[str, tuple[tuple[int, ...], Callable[[int], Mechanism]]] = {
+    "loops": ((1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
+    "clusters": ((1, 2, 4, 8, 16), side_by_side),
+    "mobility": ((1, 2, 3, 4, 6), polygon),
+    "joints": ((1, 2, 5, 10, 20, 40), pendulums),
+    "robots": ((3, 4), lambda m: load("delta" if m == 3 else "walker")),
+}
+"""Sizes and mechanisms: four-bars in a row, in one cluster; side by side; m + 3 joints in one loop; a chain
+of n; and robots, by their mobility."""
 
 
 def step_seconds(
@@ -102,14 +90,16 @@ def step_seconds(
     The longer run takes `spent` seconds more, if `MOST` allows.
     """
 
-    def seconds(steps: int) -> float:
-        """Of a run of so many steps between outputs."""
+    def scene(steps: int) -> Scene:
+        """So many steps between outputs."""
         times = STEP * steps * np.arange(OUTPUTS + 1)
-        scene = Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
-        found = contender.run(scene, STEP)
+        return Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), times)
+
+    def seconds(steps: int) -> float:
+        found = contender.run(scene(steps), STEP)
         return np.inf if found.stopped else found.seconds
 
-    if contender.refuses(Scene("", mechanism, mechanism.home, np.zeros(mechanism.nv), STEP * np.arange(3))):
+    if contender.refuses(scene(1)):
         return None
     few = 1
     seconds(few)  # what is made once, as other coordinates at the start
@@ -120,22 +110,18 @@ def step_seconds(
     return (more - less) / (2 * few * OUTPUTS)
 
 
-def measure(family: Family, quick: bool) -> list[Row]:
+def measure(family: str, quick: bool) -> list[Row]:
     """Rows of size, velocities and µs a step by contender."""
     everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
-    rows = []
-    for n in along(family.sizes[:2] if quick else family.sizes, family.name):
-        mechanism = family.make(n)
-        row: Row = {"family": family.name, "size": n, "name": mechanism.name}
+    rows, (sizes, make) = [], FAMILIES[family]
+    for n in along(sizes[:2] if quick else sizes, family):
+        mechanism = make(n)
+        row: Row = {"family": family, "size": n, "name": mechanism.name}
         row |= {"nv": mechanism.nv, "m": mechanism.m}
         for name, shown in SHOWN.items():
-            loops = bool(mechanism.closures)
-            wanted = (
-                name in everyone
-                and (loops or name != "Pinocchio, mu > 0")
-                and (not loops or name != "Pinocchio, defaults")
-            )
-            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS) if wanted else None
+            if name not in everyone or (name == "Pinocchio, defaults" and mechanism.closures):
+                continue
+            found = step_seconds(everyone[name], mechanism, QUICK if quick else ROUNDS)
             if found is not None:
                 row[shown] = 1e6 * found
         rows.append(row)
@@ -150,47 +136,37 @@ def once(quick: bool) -> dict[str, float]:
     rounds = 2 if quick else 9
     rhombus = load("rhombus")
 
-    def least(call: Callable[[], object], many: int = rounds) -> float:
-        times = []
-        for _ in range(many):
-            begun = clock()
-            call()
-            times.append(clock() - begun)
-        return 1e3 * min(times)
+    def milliseconds(call: Callable[[], object], many: int = rounds) -> float:
+        return 1e3 * least(call, many)
 
     def fall(duration: float, backend: Literal["auto", "python"] = "auto") -> object:
         return simulate(rhombus.with_independent(["q1"]), duration=duration, step=1e-3, backend=backend)
 
-    first = least(lambda: simulate(load("crank_rocker"), duration=1e-3, step=1e-3), 3) - least(
-        lambda: load("crank_rocker"), 3
-    )
-    crank_rocker = load("crank_rocker")
-    start = least(lambda: simulate(crank_rocker, duration=1e-3, step=1e-3))
-    crossing = least(partial(fall, 0.3)) - least(partial(fall, 0.1))
+    short, crank_rocker = partial(simulate, duration=1e-3, step=1e-3), load("crank_rocker")
+    loading = milliseconds(lambda: load("crank_rocker"), 3)
+    first = milliseconds(lambda: short(load("crank_rocker")), 3) - loading
+    start = milliseconds(partial(short, crank_rocker))
+    crossing = milliseconds(partial(fall, 0.3)) - milliseconds(partial(fall, 0.1))
     delta = load("delta")
     q, v = delta.home, np.asarray(delta.recommended.v0)
-    accelerated = least(lambda: forward_dynamics(delta, q, v))
+    accelerated = milliseconds(lambda: forward_dynamics(delta, q, v))
     zero = np.zeros(delta.nv)
-    stepped = least(lambda: simulate(delta, q, v, duration=1e-3, step=1e-3, backend="python"))
+    stepped = milliseconds(partial(short, delta, q, v, backend="python"))
     return {
-        "derivatives": least(lambda: derivatives(delta, q, v)) / accelerated,
-        "jacobians": least(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
+        "derivatives": milliseconds(lambda: derivatives(delta, q, v)) / accelerated,
+        "jacobians": milliseconds(lambda: step_jacobians(delta, q, v, zero, 1e-3)) / stepped,
         "first run": first,
         "start": start,
         "crossing": crossing,
-        "fall in Python": least(partial(fall, 1.5, "python"), 2) / least(partial(fall, 1.5)),
+        "fall in Python": milliseconds(partial(fall, 1.5, "python"), 2) / milliseconds(partial(fall, 1.5)),
         "threads": thread_gain(crank_rocker, quick=quick),
     }
 
 
-def thread_gain(mechanism: Mechanism, threads: int = 2, quick: bool = False) -> float:
-    """How many times the work of one thread `threads` threads do in the same time, best of rounds."""
-    steps = 500 if quick else 20_000
-
-    def work() -> object:
-        return simulate(mechanism, duration=steps * 1e-5, step=1e-5)
-
-    return gain([work] * threads, 2 if quick else 7)
+def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
+    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
+    return gain([work] * 2, 2 if quick else 7)
 
 
 PAGES = ("docs/kernel.md", "README.md")
@@ -213,7 +189,7 @@ def run(args: argparse.Namespace) -> int:
     for page in PAGES if args.docs is not None else ():
         if not (args.docs / page).is_file():
             raise OptionError(f"--docs {args.docs}: there is no {page} to refresh")
-    measured = {family.name: measure(family, args.quick) for family in FAMILIES}
+    measured = {family: measure(family, args.quick) for family in FAMILIES}
     fixed, about = once(args.quick), machine()
     foot = footer(about)
     text = tables(measured, fixed, foot)
@@ -230,6 +206,5 @@ def run(args: argparse.Namespace) -> int:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
         blocks = {"growth": text}, {"speed": sentence(measured, fixed)}
         for page, block in zip(PAGES, blocks, strict=True):
-            pages.renew(args.docs / page, block)
-            print(f"renewed {args.docs / page}")
+            pages.refresh(args.docs / page, block)
     return 0

@@ -6,10 +6,8 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from ..drawing.figures import style as plots
-from . import pages
+from . import pages, timing
 
 Row = dict[str, float | str]
 """Of one mechanism: its family, size, name, nv and m, and µs of a step by contender."""
@@ -29,13 +27,10 @@ SHOWN = {
 
 def exponent(rows: Sequence[Row], name: str) -> float | None:
     """p of µs ~ size^p over the largest sizes."""
-    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0][
-        -FITTED:
-    ]
+    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0]
     if len(known) < FITTED:
         return None
-    sizes, times = np.log(known).T
-    return float(np.polyfit(sizes, times, 1)[0])
+    return timing.exponent(*zip(*known[-FITTED:], strict=True))
 
 
 def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: str) -> str:
@@ -46,10 +41,9 @@ def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: 
         head = "robot" if family == "robots" else family
         lines = [[head, "velocities", "m", *columns]]
         for row in rows:
+            which = str(row["name" if family == "robots" else "size"])
             cells = [f"{row[name]:.3g}" if name in row else "–" for name in columns]
-            lines.append(
-                [str(row["name" if family == "robots" else "size"]), str(row["nv"]), str(row["m"]), *cells]
-            )
+            lines.append([which, str(row["nv"]), str(row["m"]), *cells])
         powers = [] if family == "robots" else [exponent(rows, name) for name in columns]
         if any(power is not None for power in powers):
             grown = ["–" if power is None else f"N^{power:.2f}" for power in powers]

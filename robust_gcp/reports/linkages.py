@@ -17,10 +17,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from ..mechanism.constraint.closures import PointClosure
+from .. import JointFriction, Mechanism, PointClosure, Stop
 from ..mechanism.constraint.couplings import AnyClosure, CouplingClosure
-from ..mechanism.mechanism import Mechanism
-from ..mechanism.parts import JointFriction, Stop
 from ..mechanism.tree.tree import Array
 
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import pinocchio as pin
 
-from ..mechanism.mechanism import Mechanism
+from .. import Mechanism
 from ..mechanism.tree.workspace import whole_bytes, workspace_bytes
 from ..printing import table
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..errors import OptionError
+from .. import OptionError
 
 
 def renew(page: Path, blocks: Mapping[str, str]) -> bool:
@@ -56,6 +56,12 @@ def require_marks(page: Path | None, names: Sequence[str]) -> None:
     """Refuse a page to refresh that has no marks of any of these names."""
     if page is not None and not marked(page, names):
         raise OptionError(f"--refresh {page}: there are no marks of a block named {' or '.join(names)}")
+
+
+def refresh(page: Path | None, blocks: Mapping[str, str]) -> None:
+    """Renew the blocks of a page that is named, and tell."""
+    if page is not None and renew(page, blocks):
+        print(f"renewed {page}")
 
 
 def _marks(name: str) -> tuple[str, str]:

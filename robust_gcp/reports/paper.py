@@ -17,21 +17,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from .. import Mechanism, SimulationError, SingularityWarning, Trajectory, load, simulate
 from ..arguments import DEFAULT, Arguments, folder, pathname
 from ..drawing.figures import style as plots
 from ..drawing.figures.draw import draw_faded
 from ..drawing.figures.mechanism import body_legend, face_on, poses
-from ..errors import SimulationError
-from ..io.loader import load
 from ..maps.choice import Method
-from ..maps.classical import SingularityWarning
 from ..maps.four_bar import draw_four_bar
 from ..maps.pendulum import parallelogram_pendulum, pendulum
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import progress_bar, table, write_json
-from ..simulation.simulate import simulate
-from ..simulation.trajectories.trajectory import Trajectory
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,18 +9,10 @@ from typing import Literal
 
 import numpy as np
 
+from .. import Batch, Cost, Mechanism, Simulation, gradient, motion_point, simulate, simulate_many, step
 from ..errors import RobustGcpError
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from ..simulation.batches.batch import Batch
-from ..simulation.batches.many import simulate_many
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
-from ..simulation.derivatives.cost import Cost
-from ..simulation.derivatives.gradient import gradient
-from ..simulation.derivatives.motion_point import motion_point
-from ..simulation.derivatives.one_step import step
-from ..simulation.simulate import simulate
-from ..simulation.simulation import Simulation
 from .gradients.problems import Problem, problems
 from .gradients.scores import error
 from .singular.motions import Motion, motions
@@ -40,23 +32,14 @@ WIDTH, SLOPE_STEPS = 0.004, 1600
 
 @dataclass(frozen=True)
 class Errors:
-    """A call's least and largest error, and where they are.
-
-    Attributes
-    ----------
-    against : str
-        What is taken for exact.
-    least, largest : (float, str)
-    refused : list of str
-        Where it stopped with a reason.
-    """
+    """A call's least and largest error, and where they are."""
 
     what: str
-    against: str
+    against: str  # what is taken for exact
     least: tuple[float, str]
     largest: tuple[float, str]
     cases: int
-    refused: list[str]
+    refused: list[str]  # where it stopped, with the reason
 
     @property
     def cells(self) -> list[str]:
@@ -70,7 +53,7 @@ def errors(every: int = 1) -> Iterator[Errors]:
     given, runs = problems()[::every], motions()[::every]
     digits = "70 digits, over the largest entry"
     for what, ask in AT_STATES.items():
-        yield _errors(what, digits, {_told(p): partial(ask, p) for p in given})
+        yield _errors(what, digits, {f"{p.name} ({p.kind})": partial(ask, p) for p in given})
     places = "25 digits, rad and m, at 20 instants"
     for what, take in RUNS.items():
         yield _errors(what, places, {m.name: partial(_off, take, m) for m in runs if not m.joints})
@@ -99,44 +82,29 @@ def _errors(what: str, against: str, cases: Mapping[str, Callable[[], float]]) -
     )
 
 
-def _told(problem: Problem) -> str:
-    return f"{problem.name} ({problem.kind})"
-
-
 # --------------------------------------------------------------------------- at states
-
-
-_known: dict[str, tuple[Mechanism, Array, Array]] = {}
-
-
-def _state(problem: Problem) -> tuple[Mechanism, Array, Array]:
-    if problem.name not in _known:
-        mech, q, mode = problem.mechanism(), problem.q, problem.mode
-        if mode is None:
-            q = mech.assemble(q, hold=mech.independent)
-            v = mech.lift(q, problem.u)
-        else:
-            v = mode @ np.linalg.solve(mode[mech.iv_independent], problem.u)
-        _known[problem.name] = mech, q, v
-    return _known[problem.name]
 
 
 def _share(found: Array, exact: Array) -> float:
     return float(np.abs(found - exact).max() / np.abs(exact).max())
 
 
+def _given(problem: Problem, rows: int) -> tuple[Mechanism, Array, Array, Array]:
+    """The state and torques, of some states the same if any."""
+    mech, q, v = problem.state
+    if not rows:
+        return mech, q, v, problem.tau
+    return mech, np.tile(q, (rows, 1)), np.tile(v, (rows, 1)), np.tile(problem.tau, (rows, 1))
+
+
 def _accelerations(problem: Problem, rows: int = 0) -> float:
-    mech, q, v = _state(problem)
-    given = tuple(np.tile(part, (rows, 1)) if rows else part for part in (q, v, problem.tau))
     scale = max(float(np.abs(part).max()) for part in (problem.udot, problem.da_dy, problem.da_dv))
-    found = forward_dynamics(mech, given[0], given[1], given[2], problem.mode)
+    found = forward_dynamics(*_given(problem, rows), problem.mode)
     return float(np.abs(found - problem.udot).max()) / scale
 
 
 def _derivatives(problem: Problem, rows: int = 0) -> float:
-    mech, q, v = _state(problem)
-    given = tuple(np.tile(part, (rows, 1)) if rows else part for part in (q, v, problem.tau))
-    found = derivatives(mech, given[0], given[1], given[2], mode=problem.mode)
+    found = derivatives(*_given(problem, rows), mode=problem.mode)
     answer = found.udot, found.da_dy, found.da_dv, found.da_dtau
     if not rows:
         return error(problem, answer)
@@ -144,8 +112,8 @@ def _derivatives(problem: Problem, rows: int = 0) -> float:
 
 
 def _point(problem: Problem) -> float:
-    mech, q, v = _state(problem)
-    return _share(motion_point(mech, q, v, problem.tau, mode=problem.mode).by_tau, problem.da_dtau)
+    found = motion_point(*_given(problem, 0), mode=problem.mode)
+    return _share(found.by_tau, problem.da_dtau)
 
 
 AT_STATES: dict[str, Callable[[Problem], float]] = {

@@ -4,25 +4,26 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ..dynamics.equations import implicit_dynamics
+from .. import BridgeOptions, Mechanism, RobustGcpError, implicit_dynamics, load
 from ..dynamics.problem import initial_value_problem
-from ..errors import RobustGcpError
-from ..io.loader import load
 from ..kernel.library import library
 from ..kernel.loop_arrays import NotNativeError
 from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
-from ..maps.cluster.options import BridgeOptions
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED
+from .timing import in_turn, seconds
+
+Batch = Callable[[], tuple[float, float]]
+"""Does a batch of steps: seconds per step and Newton iterations per right-hand side."""
 
 SHIPPED = ("stewart", "strandbeest")
 """Robots among the shipped models, for a run without a folder."""
@@ -45,64 +46,37 @@ MUS, ITERATIONS = (1e-12, 1e-10, 1e-8, 1e-6), (1, 2, 3, 5)
 
 @dataclass
 class Row:
-    """One robot; times in µs, NaN where there is none.
-
-    Attributes
-    ----------
-    robot : str
-    nv, m, clusters : int
-        Velocities, independent velocities, loop clusters.
-    step : float
-        An RK4 step in the kernel.
-    newton : float
-        Newton iterations per right-hand side.
-    aba, constrained : float
-        One evaluation of `aba` (of the open tree) and of `constraintDynamics`: a quarter of an RK4 step
-        in a C++ loop.
-    note : str
-        Why something is missing.
-    """
+    """One robot; times in µs, NaN where there is none."""
 
     robot: str
+    # nv, m, clusters: velocities, independent velocities, loop clusters
     nv: int = 0
     m: int = 0
     clusters: int = 0
-    step: float = np.nan
-    newton: float = np.nan
+    step: float = np.nan  # an RK4 step in the kernel
+    newton: float = np.nan  # Newton iterations per right-hand side
+    # aba, constrained: one evaluation of `aba` (of the open tree) and of `constraintDynamics`: a quarter of
+    # an RK4 step in a C++ loop
     aba: float = np.nan
     constrained: float = np.nan
-    note: str = ""
+    note: str = ""  # why something is missing
 
     @property
     def ratio(self) -> float:
         """A step of ours over one evaluation of theirs."""
         return self.step / (self.constrained if np.isfinite(self.constrained) else self.aba)
 
+    @property
+    def cells(self) -> list[str]:
+        """A line of the table under `HEADER`."""
+        numbers = [self.step, self.newton, self.aba, self.constrained, self.ratio]
+        shown = ["" if np.isnan(x) else f"{x:.3g}" for x in numbers]
+        return [self.robot, str(self.nv), str(self.m), str(self.clusters), *shown, self.note]
+
 
 HEADER = (
-    "robot",
-    " nv",
-    " m",
-    " clusters",
-    " step",
-    " Newton",
-    " aba",
-    " constraintDynamics",
-    " ratio",
-    "note",
+    *("robot", " nv", " m", " clusters", " step", " Newton", " aba", " constraintDynamics", " ratio", "note"),
 )
-
-
-def cells(row: Row) -> list[str]:
-    """A line of the table under `HEADER`."""
-    numbers = [row.step, row.newton, row.aba, row.constrained, row.ratio]
-    shown = ["" if np.isnan(x) else f"{x:.3g}" for x in numbers]
-    return [row.robot, str(row.nv), str(row.m), str(row.clusters), *shown, row.note]
-
-
-def figures(rows: Sequence[Row]) -> list[dict[str, object]]:
-    """The same for a record."""
-    return [asdict(row) | {"ratio": row.ratio} for row in rows]
 
 
 def robots_in(folder: Path) -> Iterator[Path]:
@@ -132,9 +106,9 @@ def measured(name: str | Path, shown: str, base: str | None, rounds: int) -> Row
     v = start_velocity(mechanism)
     contenders: dict[str, Callable[[], float]] = {}
     try:
-        steps = Steps(mechanism, v)
-        contenders["step"] = steps
-        row.newton = steps.newton
+        steps = sized(mechanism, v)
+        row.newton = steps()[1]
+        contenders["step"] = lambda: steps()[0]
     except (NotNativeError, RobustGcpError, RuntimeError) as error:
         row.note = str(error)[:90]
     if why_not():
@@ -143,18 +117,14 @@ def measured(name: str | Path, shown: str, base: str | None, rounds: int) -> Row
         row.note = row.note or "joints or closures that Pinocchio's loop has not"
     else:
         loop = Loop(mechanism)
-        contenders["aba"] = Evaluations(loop, mechanism, v, Settings("aba"))
+        contenders["aba"] = evaluations(loop, mechanism, v, Settings("aba"))
         how = cheapest_right(loop, mechanism, v) if mechanism.closures else None
         if how is not None:
-            contenders["constrained"] = Evaluations(loop, mechanism, v, how)
+            contenders["constrained"] = evaluations(loop, mechanism, v, how)
         elif mechanism.closures:
             row.note = row.note or "constraintDynamics is right with no setting tried"
-    best = dict.fromkeys(contenders, np.inf)
-    for _ in range(rounds):  # in turn, so that other work on the machine meets all alike
-        for name_, run in contenders.items():
-            best[name_] = min(best[name_], run())
-    for name_, seconds in best.items():
-        setattr(row, name_, 1e6 * seconds)
+    for what, best in in_turn(contenders, rounds).items():
+        setattr(row, what, 1e6 * best)
     return row
 
 
@@ -168,54 +138,47 @@ def start_velocity(mechanism: Mechanism) -> Array:
     return v * (SPEED / np.abs(v).max())
 
 
-class Steps:
-    """Batches of steps in the kernel, each from the same start; a call gives seconds per step.
+def batches(mechanism: Mechanism, steps: int, h: float = STEP, v: Array | None = None) -> Batch:
+    """The same batch of steps of h, s, in the kernel, from home at rest or with v, again and again.
 
     Raises
     ------
     RuntimeError
-        Where the kernel is not there, or stops before the end of the first batch.
+        Where the kernel is not there; of the batch, when it stopped before the end.
     """
+    found = library()
+    if found is None:
+        raise RuntimeError("no compiled kernel")
+    motion = initial_value_problem(mechanism, None, v)
+    now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
+    outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
+    workspace = Workspace(found, mechanism, motion.start.path, works=motion.equations.works)
 
-    def __init__(self, mechanism: Mechanism, v: Array) -> None:
-        found = library()
-        if found is None:
-            raise RuntimeError("no compiled kernel")
-        motion = initial_value_problem(mechanism, None, v)
-        self._x, self._now = motion.x, motion.equations.evaluate(0.0, motion.x)
-        self._workspace = Workspace(found, mechanism, motion.start.path, works=motion.equations.works)
-        self._room(mechanism, 10)
-        self._room(mechanism, int(np.clip(BATCH / max(self(), 1e-7), 5, 200)))
-        self()
-
-    def _room(self, mechanism: Mechanism, steps: int) -> None:
-        self._times = STEP * np.arange(steps + 1)
-        self._outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
-
-    def __call__(self) -> float:
-        """Seconds per step."""
+    def run() -> tuple[float, float]:
         begun = time.perf_counter()
-        batch = self._workspace.run(self._times, self._x, self._now, self._outputs, BridgeOptions().zone)
-        spent, steps = time.perf_counter() - begun, len(self._times) - 1
+        batch = workspace.run(times, motion.x, now, outputs, BridgeOptions().zone)
+        spent = time.perf_counter() - begun
         if batch.steps < steps:
             raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
-        self.newton = batch.counts["newton_iterations"] / batch.rhs
-        return spent / steps
+        return spent / steps, batch.counts["newton_iterations"] / batch.rhs
+
+    return run
 
 
-class Evaluations:
+def sized(mechanism: Mechanism, v: Array) -> Batch:
+    """Batches from home with v that take `BATCH` or so."""
+    first, _ = batches(mechanism, 10, v=v)()
+    return batches(mechanism, int(np.clip(BATCH / max(first, 1e-7), 5, 200)), v=v)
+
+
+def evaluations(loop: Loop, mechanism: Mechanism, v: Array, how: Settings) -> Callable[[], float]:
     """Steps of the C++ loop; a call gives seconds per evaluation of one of Pinocchio's algorithms."""
 
-    def __init__(self, loop: Loop, mechanism: Mechanism, v: Array, how: Settings) -> None:
-        self._loop, self._q, self._v, self._how = loop, mechanism.home, v, how
-        self._steps = 5
-        self._steps = int(np.clip(BATCH / max(4.0 * self(), 1e-7), 5, 1000))
+    def run(steps: int) -> float:
+        call = partial(loop.run, mechanism.home, v, 1e-7, steps, 1, how)
+        return seconds(call, time.perf_counter) / (4 * steps)
 
-    def __call__(self) -> float:
-        """Seconds per evaluation."""
-        begun = time.perf_counter()
-        self._loop.run(self._q, self._v, 1e-7, self._steps, 1, self._how)
-        return (time.perf_counter() - begun) / (4 * self._steps)
+    return partial(run, int(np.clip(BATCH / max(4.0 * run(5), 1e-7), 5, 1000)))
 
 
 def cheapest_right(loop: Loop, mechanism: Mechanism, v: Array) -> Settings | None:

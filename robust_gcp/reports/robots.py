@@ -11,20 +11,17 @@ from __future__ import annotations
 import argparse
 import time
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
+from .. import Mechanism, RobustGcpError, StateError, load, simulate
 from ..arguments import Arguments, known_folder, number, pathname, positive
-from ..errors import RobustGcpError, StateError
-from ..io.loader import load
 from ..io.robot_file import READERS
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..printing import table
-from ..simulation.simulate import simulate
 
 CLOSED = 1e-10
 """max |φ| / length that a run may leave."""
@@ -53,33 +50,16 @@ WORDS = 70
 
 @dataclass
 class Entry:
-    """What became of one file.
-
-    Attributes
-    ----------
-    file : str
-    verdict : {"runs", "falls short", "stops", "refused"}
-    mechanism : Mechanism or None
-    seconds : list of float
-        To load, and for the first run.
-    step : str
-        The step that was taken, ms, or what took over.
-    closure : float
-        Largest max |φ| / length of both runs.
-    energy : list of float
-        Largest error of each run, J.
-    why : str
-        What refused it or stopped it.
-    """
+    """What became of one file."""
 
     file: str
-    verdict: str = "refused"
+    verdict: str = "refused"  # else "runs", "falls short", "stops"
     mechanism: Mechanism | None = None
-    seconds: list[float] = field(default_factory=list)
-    step: str = ""
-    closure: float = float("nan")
-    energy: list[float] = field(default_factory=list)
-    why: str = ""
+    seconds: list[float] = field(default_factory=list)  # to load, and for the first run
+    step: str = ""  # that was taken, ms, or what took over
+    closure: float = float("nan")  # largest max |φ| / length of both runs
+    energy: list[float] = field(default_factory=list)  # largest error of each run, J
+    why: str = ""  # what refused it or stopped it
 
     def cells(self) -> list[str]:
         """A row of the table."""
@@ -169,10 +149,6 @@ def run(args: argparse.Namespace) -> int:
                 tried(file, str(file.relative_to(args.folder)), args.duration, args.step, args.speed)
             )
     print(table(HEADER, [entry.cells() for entry in entries], longest=None))
-    print(f"\n{counted(entries)} of {len(entries)} files run {args.duration:g} s as they are")
+    counted = sum(entry.verdict == "runs" for entry in entries)
+    print(f"\n{counted} of {len(entries)} files run {args.duration:g} s as they are")
     return int(any(entry.verdict == "falls short" for entry in entries))
-
-
-def counted(entries: Sequence[Entry]) -> int:
-    """How many run."""
-    return sum(entry.verdict == "runs" for entry in entries)

@@ -8,19 +8,10 @@ from functools import partial
 
 import numpy as np
 
-from ..analysis.local import analyse
-from ..dynamics.loads import Wrench
-from ..dynamics.prescribed.motion import Motion
+from .. import Batch, Event, Mechanism, Motion, Simulation, Wrench, analyse, load, simulate, simulate_many
 from ..examples.linkages import four_bar, n_four_bar
-from ..io.loader import load
-from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import JointFriction, Stop
 from ..mechanism.tree.tree import Array
-from ..simulation.batches.batch import Batch
-from ..simulation.batches.many import simulate_many
-from ..simulation.events import Event
-from ..simulation.simulate import simulate
-from ..simulation.simulation import Simulation
 
 STEPS, STEP = 500, 1e-3
 """Of each run; s."""

@@ -5,19 +5,20 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 
+from .. import Batch, Mechanism
 from ..checks import real_array
-from ..mechanism.mechanism import Mechanism
-from ..simulation.batches.batch import Batch
 from ..simulation.batches.many import Start, simulate_many
+from .timing import in_turn, seconds
 
 
 def gain(works: Sequence[Callable[[], object]], rounds: int) -> float:
     """How many times the work of one thread is done in the same time by a thread for each; best of rounds."""
 
-    def seconds(workers: Sequence[Callable[[], object]]) -> float:
+    def run(workers: Sequence[Callable[[], object]]) -> float:
         running = [threading.Thread(target=worker) for worker in workers]
         begun = time.perf_counter()
         for thread in running:
@@ -26,7 +27,7 @@ def gain(works: Sequence[Callable[[], object]], rounds: int) -> float:
             thread.join()
         return time.perf_counter() - begun
 
-    alone, together = (min(seconds(w) for _ in range(rounds)) for w in (works[:1], works))
+    alone, together = (min(run(w) for _ in range(rounds)) for w in (works[:1], works))
     return len(works) * alone / together
 
 
@@ -62,13 +63,8 @@ def measured(
         note = ""
     except (ImportError, ValueError) as error:
         note = str(error)[:60]
-    best = dict.fromkeys(contenders, np.inf)
-    for _ in range(rounds):
-        for who, run in contenders.items():
-            begun = time.perf_counter()
-            run()
-            best[who] = min(best[who], time.perf_counter() - begun)
-    pace = {who: count * steps / seconds for who, seconds in best.items()}
+    works = {who: partial(seconds, run, time.perf_counter) for who, run in contenders.items()}
+    pace = {who: count * steps / best for who, best in in_turn(works, rounds).items()}
     theirs, ratio = (
         (f"{pace['theirs']:.3g}", f"{pace['batch'] / pace['theirs']:.3g}") if not note else ("", "")
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from ..errors import OptionError
+from .. import OptionError
 from ..mechanism.tree.tree import Array
 from . import peers
 from .contender import Contender, Scene
@@ -30,12 +30,10 @@ def tools(
     """
     mine = [c for c in ours.contenders(exact) if own is None or c.name in own]
     everyone = [*mine, *peers.contenders(exact)]
-    found = [c for c in everyone if not wanted or any(map(_named(c).__contains__, map(str.lower, wanted)))]
+    words = [word.lower() for word in wanted]
+    named = [(f"{c.name}\n{c.family}".lower(), c) for c in everyone]
+    found = [c for name, c in named if not words or any(word in name for word in words)]
     if not found:
         names = ", ".join(c.name for c in everyone)
         raise OptionError(f"--method {' '.join(wanted)} fits none of {names}")
     return found
-
-
-def _named(contender: Contender) -> str:
-    return f"{contender.name}\n{contender.family}".lower()

@@ -20,7 +20,7 @@ from robust_gcp.errors import NonFiniteError, RobustGcpError
 from robust_gcp.examples.families import Lengths, four_bars
 from robust_gcp.mechanism.mechanism import Mechanism
 from robust_gcp.mechanism.tree.tree import Array
-from robust_gcp.reports.same_steps import same_steps
+from robust_gcp.reports.stepping import same_steps
 from robust_gcp.simulation.runs.stats import Stats
 from robust_gcp.simulation.simulate import simulate
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from decimal import Decimal
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,7 +15,7 @@ import robust_gcp as rg
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.mechanism.constraint.closures import closure_frames
-from robust_gcp.reports import gradients
+from robust_gcp.reports.gradients.problems import PROBLEMS
 
 from ..exact import Exact, Matrix, Vector
 from ..exact_in_space import ExactInSpace
@@ -221,7 +220,7 @@ def singular() -> Iterator[dict[str, Any]]:
 def main() -> None:
     """Write them."""
     found = [*regular(), *singular(), *regular_in_space()]
-    Path(gradients.PROBLEMS).write_text(json.dumps(found, indent=None, separators=(",", ":")) + "\n")
+    PROBLEMS.write_text(json.dumps(found, indent=None, separators=(",", ":")) + "\n")
     print(len(found), "problems,", {k: sum(p["kind"] == k for p in found) for k in ("regular", "near", "at")})
 
 

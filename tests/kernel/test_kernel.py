@@ -24,7 +24,7 @@ from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.explicit import Counters
 from robust_gcp.maps.regular_path import RegularPath
 from robust_gcp.maps.start import initial_point
-from robust_gcp.reports.robot_speed import Steps
+from robust_gcp.reports.robot_speed import sized
 from robust_gcp.simulation.runs.record import Outputs
 
 from ..compiled import needs_kernel
@@ -506,8 +506,8 @@ def test_steps_of_robots_cost_the_same_for_each_leg(floating: bool) -> None:
     seconds = []
     for legs in (10, 50):
         mech = legged(legs, floating)
-        steps = Steps(mech, mech.lift(mech.home, np.linspace(-1.0, 1.0, mech.m)))
-        seconds.append(min(steps() for _ in range(25)))
+        steps = sized(mech, mech.lift(mech.home, np.linspace(-1.0, 1.0, mech.m)))
+        seconds.append(min(steps()[0] for _ in range(25)))
     assert seconds[1] < 4.0 * 5.0 * seconds[0]
     v = mech.lift(mech.home, np.linspace(-1.0, 1.0, mech.m))
     motion = rg.simulate(mech, v0=v, duration=2e-3, step=1e-3, backend="native", record=("a",))

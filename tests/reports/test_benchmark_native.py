@@ -13,10 +13,9 @@ import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.io.loader import models_folder
-from robust_gcp.kernel.library import library
-from robust_gcp.reports.benchmark import batches, native_seconds, thread_gain
+from robust_gcp.reports.benchmark import native_seconds, thread_gain
 from robust_gcp.reports.peers.compiled import why_not
-from robust_gcp.reports.robot_speed import measured, robots_in
+from robust_gcp.reports.robot_speed import batches, measured, robots_in
 
 from ..compiled import needs_kernel
 
@@ -37,12 +36,10 @@ def test_two_threads_run() -> None:
 
 def test_a_batch_that_stops_early_is_no_measurement() -> None:
     """Falling into the zone of a singular configuration ends a batch."""
-    found = library()
-    assert found is not None
-    run = batches(found, n_four_bar(1, 0.2), 500, 1e-3)
+    run = batches(n_four_bar(1, 0.2), 500, 1e-3)
     with pytest.raises(RuntimeError, match="ZONE"):
         run()
-    assert np.isfinite(batches(found, n_four_bar(1, 1.2), 5, 1e-3)()[0])
+    assert np.isfinite(batches(n_four_bar(1, 1.2), 5, 1e-3)()[0])
 
 
 def test_robots_of_a_folder_are_timed_beside_pinocchio(

@@ -9,8 +9,8 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from robust_gcp.reports.gradients import PROBLEMS, scores
-from robust_gcp.reports.gradients.problems import Problem, problems
+from robust_gcp.reports.gradients import scores
+from robust_gcp.reports.gradients.problems import PROBLEMS, Problem, problems
 
 from ..dynamics import gradient_problems
 

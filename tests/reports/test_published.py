@@ -11,7 +11,7 @@ import pytest
 from robust_gcp.__main__ import main
 from robust_gcp.maps.pendulum import pendulum
 from robust_gcp.reports.published import values
-from robust_gcp.reports.published.ladder import Reached, fastest
+from robust_gcp.reports.published.command import Reached, fastest
 from robust_gcp.reports.published.problems import CRANK, PROBLEMS, Problem
 
 BY_NAME = {problem.name: problem for problem in PROBLEMS}

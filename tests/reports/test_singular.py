@@ -13,7 +13,7 @@ from robust_gcp.maps.pendulum import pendulum
 from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.reports.contender import Outcome, Scene
 from robust_gcp.reports.singular.motions import Motion, motions
-from robust_gcp.reports.singular.scores import cells, scene_of, scored
+from robust_gcp.reports.singular.scores import cells, followed, scored
 from robust_gcp.reports.work_precision.reduced import GRAVITY
 
 from ..compiled import needs_kernel
@@ -39,7 +39,7 @@ def test_states_are_those_of_one_motion(motion: Motion) -> None:
         energies += bound * np.abs(motion.q - motion.q[0])[:, mech.joint(joint).idx_q]
     for part in np.split(energies, hits + 1):
         assert np.ptp(part) < 1e-12 * max(1.0, np.abs(energies).max())
-    scene, fine = scene_of(motion)
+    scene, fine = motion.scene, followed(motion.scene)
     assert np.abs(fine[:: (len(scene.times) - 1) // 20] - motion.q).max() < 5e-11
 
 
@@ -104,7 +104,7 @@ class Replayed:
 
 def test_scores() -> None:
     motion = SET[0]
-    scene, exact = scene_of(motion)
+    exact = followed(motion.scene)
     middle = float(motion.times[10])
     tools = [
         Replayed("good", exact),
@@ -112,7 +112,7 @@ def test_scores() -> None:
         Replayed("stopped", exact, keep=201),
         Replayed("no", exact, refusal="no loops"),
     ]
-    found = [scored(tool, motion, scene, 1.0) for tool in tools]
+    found = [scored(tool, motion, 1.0) for tool in tools]
     assert found[0].error < 1e-11
     assert [cell for _, cell in cells(found)[2:]] == [
         f"lost at {middle:.3g} s",
@@ -123,11 +123,11 @@ def test_scores() -> None:
 
 def test_who_goes_on_after_an_end_is_told() -> None:
     motion = next(motion for motion in SET if np.isfinite(motion.end))
-    scene, exact = scene_of(motion)
+    scene, exact = motion.scene, followed(motion.scene)
     assert len(exact) < len(scene.times)
     on = np.concatenate([exact, np.tile(exact[-1], (len(scene.times) - len(exact), 1))])
     tools = [Replayed("stops", exact), Replayed("goes on", on)]
-    found = [scored(tool, motion, scene, 1.0) for tool in tools]
+    found = [scored(tool, motion, 1.0) for tool in tools]
     assert [score.past for score in found] == [False, True]
     assert cells(found)[2][1].endswith(", goes on")
 

@@ -97,7 +97,7 @@ def test_errors_of_other_types_are_wrong() -> None:
     def torque(t: float, q: Array, v: Array) -> Array:
         raise ZeroDivisionError("not ours")
 
-    cell = only(replace(FALL, torque=torque))
+    cell = only(replace(FALL, more={"torque": torque}))
     assert cell.verdict == "wrong"
     assert cell.reason == "foreign error ZeroDivisionError: not ours"
 

@@ -14,10 +14,9 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.reports.stability import command, maps, report
-from robust_gcp.reports.stability.bound import Bound
+from robust_gcp.reports.stability.bound import Bound, Stride
 from robust_gcp.reports.stability.case import Case, Cell, Setting, Verdict
 from robust_gcp.reports.stability.command import families
-from robust_gcp.reports.stability.steps import Stride
 
 Array = NDArray[np.float64]
 

@@ -11,10 +11,9 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.maps.closed_form import pendulum
 from robust_gcp.reports.stability import stiff
-from robust_gcp.reports.stability.bound import KICK
+from robust_gcp.reports.stability.bound import KICK, TARGET, motions, stride
 from robust_gcp.reports.stability.case import Case, Cell
 from robust_gcp.reports.stability.judge import RIGHT, judge
-from robust_gcp.reports.stability.steps import TARGET, motions, stride
 from robust_gcp.reports.stability.stiff import SHARES, around
 from robust_gcp.reports.stability.truth import A, B, Servo, of_run
 

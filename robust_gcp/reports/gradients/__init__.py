@@ -3,7 +3,3 @@
 `problems.json` holds linkages, planar and in space, at regular states, near and at singular configurations,
 with u̇ and its derivatives by y, u and τ from seventy-digit arithmetic: see `problems.Problem`.
 """
-
-from pathlib import Path
-
-PROBLEMS = Path(__file__).with_name("problems.json")

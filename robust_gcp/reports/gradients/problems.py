@@ -1,18 +1,20 @@
-"""The problems: reading them, and the mechanism of one as a Pinocchio model."""
+"""The problems: reading them, and the mechanism of one at its state."""
 
 from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism
 from ...mechanism.tree.tree import Array
-from ..linkages import mechanism_of, model_of
-from . import PROBLEMS
+from ..linkages import mechanism_of
+
+PROBLEMS = Path(__file__).with_name("problems.json")
 
 
 @dataclass(frozen=True)
@@ -47,13 +49,18 @@ class Problem:
     da_dv: Array
     da_dtau: Array
 
-    def model(self) -> pin.Model:
-        """The spanning tree, with a frame at each end of a closure."""
-        return model_of(self.linkage)
-
     def mechanism(self) -> Mechanism:
-        """The same, with its loops closed."""
+        """The linkage, with its loops closed."""
         return mechanism_of(self.linkage, self.q)
+
+    @cached_property
+    def state(self) -> tuple[Mechanism, Array, Array]:
+        """The mechanism, q closed to its own rounding where that can be done, and v."""
+        mech, q, mode = self.mechanism(), self.q, self.mode
+        if mode is not None:
+            return mech, q, mode @ np.linalg.solve(mode[mech.iv_independent], self.u)
+        q = mech.assemble(q, hold=mech.independent)
+        return mech, q, mech.lift(q, self.u)
 
 
 def problems() -> list[Problem]:

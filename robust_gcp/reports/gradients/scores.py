@@ -11,11 +11,11 @@ from statistics import median
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, RobustGcpError, derivatives
 from ...arguments import Arguments, file, pathname, word
-from ...errors import RobustGcpError
 from ...mechanism.tree.tree import Array
 from ...printing import table, write_json
-from ...simulation.derivatives.accelerations import derivatives
+from ..peers.parts import rigid_constraints
 from .problems import Problem, problems
 
 RIGHT = 1e-9
@@ -29,14 +29,7 @@ Answer = tuple[Array, Array, Array, Array]
 
 def of_robust_gcp(problem: Problem) -> Answer:
     """`rg.derivatives`."""
-    mech = problem.mechanism()
-    if problem.mode is None:
-        q = mech.assemble(problem.q, hold=mech.independent)
-        v = mech.lift(q, problem.u)
-    else:
-        q = problem.q
-        v = problem.mode @ np.linalg.solve(problem.mode[mech.iv_independent], problem.u)
-    found = derivatives(mech, q, v, problem.tau, mode=problem.mode)
+    found = derivatives(*problem.state, problem.tau, mode=problem.mode)
     return found.udot, found.da_dy, found.da_dv, found.da_dtau
 
 
@@ -45,31 +38,19 @@ def of_pinocchio(problem: Problem) -> Answer:
 
     G and ∂v/∂y, which Pinocchio has not, are those of K and of its differences along G.
     """
-    model = problem.model()
-    data, own = model.createData(), _independent(problem)
-    constraints, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for k in range(len(problem.linkage["closures"])):
-        ends = [model.frames[model.getFrameId(f"closure {k} end {end}")] for end in (1, 2)]
-        places = [(end.parentJoint, end.placement) for end in ends]
-        constraint = pin.RigidConstraintModel(
-            pin.ContactType.CONTACT_3D, model, *places[0], *places[1], pin.LOCAL
-        )
-        constraints.append(constraint)
-        datas.append(constraint.createData())
+    mech, q = problem.mechanism(), problem.q
+    model, own = mech.own_model, mech.iv_independent
+    data, (constraints, datas) = model.createData(), rigid_constraints(mech)
     settings = pin.ProximalSettings(1e-14, 1e-14, 1e-8, 200)
     pin.initConstraintDynamics(model, data, constraints, datas)
-    q = problem.q
-    G = _map(problem, model, q, own)
+    G = _map(mech, q)
     v = G @ problem.u
     a = np.array(pin.constraintDynamics(model, data, q, v, problem.tau, constraints, datas, settings))
     by_q, by_v, by_tau, *_ = pin.computeConstraintDynamicsDerivatives(
         model, data, constraints, datas, settings
     )
     h = 1e-5
-    turned = [
-        (_map(problem, model, q + h * g, own) - _map(problem, model, q - h * g, own)) @ problem.u / (2.0 * h)
-        for g in G.T
-    ]
+    turned = [(_map(mech, q + h * g) - _map(mech, q - h * g)) @ problem.u / (2.0 * h) for g in G.T]
     by_y = np.asarray(by_q) @ G + np.asarray(by_v) @ np.array(turned).T
     return a[own], by_y[own], (np.asarray(by_v) @ G)[own], np.asarray(by_tau)[own]
 
@@ -83,19 +64,20 @@ def of_mujoco(problem: Problem) -> Answer:
 
     from ..peers.mujoco import compiled
 
-    model, tree = compiled(problem.mechanism(), "Euler", True), problem.model()
-    data, own, q, u = mujoco.MjData(model), _independent(problem), problem.q, problem.u
+    mech, q, u = problem.mechanism(), problem.q, problem.u
+    model = compiled(mech, "Euler", True)
+    data = mujoco.MjData(model)
 
     def accelerations(q: Array, u: Array, tau: Array) -> Array:
-        data.qpos[:], data.qvel[:] = q, _map(problem, tree, q, own) @ u
+        data.qpos[:], data.qvel[:] = q, _map(mech, q) @ u
         data.qfrc_applied[:] = tau
         mujoco.mj_forward(model, data)
-        return np.array(data.qacc[own])
+        return np.array(data.qacc[mech.iv_independent])
 
     def slopes(moved: Callable[[Array], Array], size: int, h: float) -> Array:
         return np.array([(moved(h * e) - moved(-h * e)) / (2.0 * h) for e in np.eye(size)]).T
 
-    G = _map(problem, tree, q, own)
+    G = _map(mech, q)
     return (
         accelerations(q, u, problem.tau),
         slopes(lambda dy: accelerations(q + G @ dy, u, problem.tau), len(u), 1e-5),
@@ -182,28 +164,10 @@ def run(args: argparse.Namespace) -> int:
     return 1 if any(s.wrong for s in found if s.engine == "robust_gcp") else 0
 
 
-def _independent(problem: Problem) -> list[int]:
-    names = [joint["name"] for joint in problem.linkage["joints"]]
-    return [names.index(name) for name in problem.linkage["independent"]]
-
-
-def _map(problem: Problem, model: pin.Model, q: Array, own: list[int]) -> Array:
+def _map(mech: Mechanism, q: Array) -> Array:
     """G of K G = 0 at q."""
-    data = model.createData()
-    pin.computeJointJacobians(model, data, q)
-    pin.updateFramePlacements(model, data)
-    rows = []
-    for k in range(len(problem.linkage["closures"])):
-        ends = [
-            pin.getFrameJacobian(
-                model, data, model.getFrameId(f"closure {k} end {end}"), pin.LOCAL_WORLD_ALIGNED
-            )
-            for end in (1, 2)
-        ]
-        planar = len(problem.linkage["closures"][k][0][1]) == 2
-        rows.append((ends[0] - ends[1])[1 if planar else 0 : 3])
-    K, rest = np.vstack(rows), np.setdiff1d(np.arange(model.nv), own)
-    G = np.zeros((model.nv, len(own)))
-    G[own] = np.eye(len(own))
+    K, own, rest = mech.K(q), mech.iv_independent, mech.iv_dependent
+    G = np.zeros((mech.nv, mech.m))
+    G[own] = np.eye(mech.m)
     G[rest] = -np.linalg.solve(K[:, rest], K[:, own])
     return G

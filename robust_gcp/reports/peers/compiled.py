@@ -20,14 +20,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ... import JointDamper, JointSpring, JointTorque, Mechanism, PointSpring
 from ...kernel import build
-from ...mechanism.constraint.closures import closure_frames, frame_of
-from ...mechanism.forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import BOUND
-from .parts import held_points
+from .parts import closure_places, frame_place, held_points
 
 SOURCE = Path(__file__).with_name("pinocchio_loop.cpp")
 ALGORITHMS = ("constraintDynamics", "lcaba", "aba")
@@ -216,9 +214,7 @@ def _closures(mechanism: Mechanism) -> dict[str, Any]:
     full: list[int] = []
     joints: list[list[int]] = []
     places: list[list[Array]] = []
-    frames = closure_frames(mechanism.own_model, mechanism.loops)
-    half = len(frames) // 2
-    for closure, *ends in zip(mechanism.loops, frames[:half], frames[half:], strict=True):
+    for closure, ends in zip(mechanism.loops, closure_places(mechanism), strict=True):
         for shift in held_points(mechanism, closure):
             full.append(int(closure.kind == "6d"))
             joints.append([int(joint) for joint, _ in ends])
@@ -231,11 +227,10 @@ def _forces(mechanism: Mechanism) -> dict[str, Any]:
     found: dict[str, list[Any]] = {name: [] for name in ("spring_at", "spring", "line_joint", "line")}
     for force in mechanism.forces:
         if isinstance(force, PointSpring):
-            ends = [frame_of(mechanism.own_model, f, mechanism.name) for f in (force.frame1, force.frame2)]
-            found["line_joint"].append([int(end.parentJoint) for end in ends])
-            points = [end.placement.translation for end in ends]
-            line = [*points[0], *points[1], force.stiffness, force.rest_length, force.damping]
-            found["line"].append(line)
+            ends = [frame_place(mechanism, f) for f in (force.frame1, force.frame2)]
+            found["line_joint"].append([joint for joint, _ in ends])
+            points = [x for _, place in ends for x in place.translation]
+            found["line"].append([*points, force.stiffness, force.rest_length, force.damping])
             continue
         joint = mechanism.joint(force.joint)
         if isinstance(force, JointSpring):

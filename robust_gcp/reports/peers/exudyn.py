@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from ...mechanism.forces.forces import JointTorque, PointSpring
+from ... import JointTorque, PointSpring
 from ...mechanism.tree.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
+from ..contender import Contender, Kind, Outcome, Scene, clock, division, reached
 from .exudyn_models import ExudynModel, KinematicTree, PlanarBodies, exu, is_planar
 from .parts import has_simple_joints
 
@@ -63,13 +63,9 @@ class Implicit:
                 why = str(error).splitlines()[0]
             seconds = clock() - begun
             solver.FinalizeSolver(built.mbs, settings)
-        outputs = Outputs(scene)
         t, states = stored(built)
         q, v = at_times(scene.times, t, *built.tree_coordinates(states))
-        for i in range(1, len(q)):
-            if not outputs.put(q[i], v[i]):
-                break
-        return outputs.outcome(seconds, int(solver.it.newtonStepsCount), why)
+        return reached(scene, zip(q[1:], v[1:], strict=True), seconds, int(solver.it.newtonStepsCount), why)
 
     def settings(self, scene: Scene, substeps: int, step: float, linear_solver: tuple[str, bool]) -> Any:
         """Exudyn's settings: this many steps between outputs, kept by sensors in memory."""

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.constraint.closures import RevoluteClosure
-from ...mechanism.forces.forces import PointSpring
+from ... import PointSpring, RevoluteClosure
+from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
-from .parts import Joint, Place, closure_places, constant_torques, frame_place, joints
+from .parts import Place, closure_places, constant_torques, frame_place
 
 exu: Any = importlib.import_module("exudyn")
 items: Any = importlib.import_module("exudyn.itemInterface")
@@ -54,7 +54,8 @@ class ExudynModel(ABC):
         self.container = exu.SystemContainer()
         self.mbs: Any = self.container.AddSystem()
         self.sensors: list[list[int]] = []
-        self.mechanism, self.parts = scene.mechanism, joints(scene.mechanism)
+        self.mechanism, self.model = scene.mechanism, scene.mechanism.own_model
+        self.parents = [int(parent) for parent in self.model.parents]
         self.bodies = [self.mbs.AddObject(items.ObjectGround())]
 
     @abstractmethod
@@ -86,12 +87,12 @@ class ExudynModel(ABC):
 
 def is_planar(scene: Scene) -> bool:
     """Whether all joints are revolute joints about the world's +x, and gravity lies in the plane."""
-    axis = np.array([1.0, 0.0, 0.0])
-    return abs(scene.mechanism.own_model.gravity.linear[0]) < ROUNDING and all(
-        joint.hinge
+    axis, model = np.array([1.0, 0.0, 0.0]), scene.mechanism.own_model
+    return abs(model.gravity.linear[0]) < ROUNDING and all(
+        joint.kind is JointKind.REVOLUTE
         and np.abs(joint.axis - axis).max() < ROUNDING
-        and np.abs(joint.placement.rotation @ axis - axis).max() < ROUNDING
-        for joint in joints(scene.mechanism)
+        and np.abs(model.jointPlacements[joint.index].rotation @ axis - axis).max() < ROUNDING
+        for joint in scene.mechanism.joints
     )
 
 
@@ -104,36 +105,31 @@ class PlanarBodies(ExudynModel):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        model, parts = self.mechanism.own_model, self.parts
-        self._start, self._parents = scene.q0, [joint.parent for joint in parts]
-        self.linear_solver = ("EigenSparse" if len(parts) > SPARSE_FROM else "EXUdense", False)
+        model, self._start = self.model, scene.q0
+        bodies = range(1, model.njoints)
+        self.linear_solver = ("EigenSparse" if len(bodies) > SPARSE_FROM else "EXUdense", False)
         data = model.createData()
         pin.forwardKinematics(model, data, scene.q0, scene.v0)
-        nodes = [
-            self._add_body(joint, data.oMi[i], data.v[i], model.gravity.linear)
-            for i, joint in enumerate(parts, start=1)
-        ]
-        tree = [
-            ((joint.parent, joint.placement), (i, pin.SE3.Identity())) for i, joint in enumerate(parts, 1)
-        ]
+        nodes = [self._add_body(i, data) for i in bodies]
+        tree = [((self.parents[i], model.jointPlacements[i]), (i, pin.SE3.Identity())) for i in bodies]
         for pair in (*tree, *closure_places(self.mechanism)):
             ends = [self.marker(place) for place in pair]
             self.mbs.AddObject(items.ObjectJointRevolute2D(markerNumbers=ends))
         for i, torque in enumerate(constant_torques(self.mechanism), start=1):
             if torque != 0.0:  # on the body, and back on the one that carries it
                 self._add_moment(nodes, i, torque)
-                self._add_moment(nodes, parts[i - 1].parent, -torque)
+                self._add_moment(nodes, self.parents[i], -torque)
         self.finish(nodes)
 
     def tree_coordinates(self, stored: list[list[Array]]) -> tuple[Array, Array, Array]:
         """A joint turns by as much as its body turns more than the body that carries it."""
         turned = (np.column_stack([0.0 * bodies[0][:, 2], *(b[:, 2] for b in bodies)]) for bodies in stored)
-        q, v, a = (absolute[:, 1:] - absolute[:, self._parents] for absolute in turned)
+        q, v, a = (absolute[:, 1:] - absolute[:, self.parents[1:]] for absolute in turned)
         return self._start + q - q[0], v, a
 
-    def _add_body(self, joint: Joint, place: pin.SE3, motion: pin.Motion, gravity: Array) -> int:
+    def _add_body(self, joint: int, data: pin.Data) -> int:
         """A body about its centre of mass; its node."""
-        inertia = joint.inertia
+        inertia, place, motion = self.model.inertias[joint], data.oMi[joint], data.v[joint]
         centre = place.act(inertia.lever)
         velocity = place.rotation @ (motion.linear + np.cross(motion.angular, inertia.lever))
         turn = float(pin.log3(place.rotation)[0])
@@ -147,6 +143,7 @@ class PlanarBodies(ExudynModel):
             items.ObjectRigidBody2D(mass=inertia.mass, inertia=inertia.inertia[0, 0], nodeNumber=node)
         )
         self.bodies.append(body)
+        gravity = self.model.gravity.linear
         if np.any(gravity):
             marker = self.mbs.AddMarker(items.MarkerBodyMass(bodyNumber=body))
             pull = [gravity[1], gravity[2], 0.0]
@@ -156,7 +153,7 @@ class PlanarBodies(ExudynModel):
     def marker(self, place: Place) -> int:
         """In the body's own axes, from its centre of mass."""
         joint, at = place
-        x, y, z = at.translation - (self.parts[joint - 1].inertia.lever if joint else np.zeros(3))
+        x, y, z = at.translation - (self.model.inertias[joint].lever if joint else np.zeros(3))
         marker = items.MarkerBodyPosition(bodyNumber=self.bodies[joint], localPosition=[y, z, x])
         return int(self.mbs.AddMarker(marker))
 
@@ -173,24 +170,26 @@ class KinematicTree(ExudynModel):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        mechanism, parts = self.mechanism, self.parts
-        self._turns = [pin.SE3.Identity(), *(_from_z(joint.axis) for joint in parts)]
+        mechanism, model, count = self.mechanism, self.model, self.mechanism.nv
+        axes = (np.asarray(joint.axis) for joint in mechanism.joints)
+        self._turns = [pin.SE3.Identity(), *map(_from_z, axes)]
         node = self.mbs.AddNode(
             items.NodeGenericODE2(
-                numberOfODE2Coordinates=len(parts), referenceCoordinates=[0.0] * len(parts),
+                numberOfODE2Coordinates=count, referenceCoordinates=[0.0] * count,
                 initialCoordinates=scene.q0.tolist(), initialCoordinates_t=scene.v0.tolist(),
             )
         )  # fmt: skip
-        turned = list(zip(parts, self._turns[1:], strict=True))
-        offsets = [self._turns[joint.parent].inverse() * joint.placement * turn for joint, turn in turned]
-        inertias = [joint.inertia.se3ActionInverse(turn) for joint, turn in turned]
+        turned = list(enumerate(self._turns))[1:]
+        carriers = [self._turns[parent].inverse() for parent in self.parents]
+        offsets = [carriers[i] * model.jointPlacements[i] * turn for i, turn in turned]
+        inertias = [model.inertias[i].se3ActionInverse(turn) for i, turn in turned]
         kinds = {True: exu.JointType.RevoluteZ, False: exu.JointType.PrismaticZ}
         self._tree = self.mbs.AddObject(
             items.ObjectKinematicTree(
                 nodeNumber=node,
-                gravity=mechanism.own_model.gravity.linear.tolist(),
-                jointTypes=[kinds[joint.hinge] for joint in parts],
-                linkParents=[joint.parent - 1 for joint in parts],
+                gravity=model.gravity.linear.tolist(),
+                jointTypes=[kinds[joint.kind is JointKind.REVOLUTE] for joint in mechanism.joints],
+                linkParents=[parent - 1 for parent in self.parents[1:]],
                 jointTransformations=exu.Matrix3DList([offset.rotation for offset in offsets]),
                 jointOffsets=exu.Vector3DList([offset.translation for offset in offsets]),
                 linkInertiasCOM=exu.Matrix3DList([inertia.inertia for inertia in inertias]),

@@ -17,13 +17,12 @@ import numpy as np
 import pinocchio as pin
 from mujoco import rollout
 
+from ... import JointFriction, Mechanism
 from ...io.mjcf.stops import solref_of
 from ...io.mjcf.writer import mjcf_text
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import JointFriction
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
-from ..contender import BOUND, Contender, Kind, Outcome, Outputs, Scene, clock, division
+from ..contender import BOUND, Contender, Kind, Outcome, Scene, clock, division, reached
 from .parts import has_simple_joints
 
 HARDEST = 0.9999
@@ -80,7 +79,7 @@ class Connect:
         start, applied = (
             _state(model, data, kind) for kind in (mujoco.mjtState.mjSTATE_FULLPHYSICS, APPLIED)
         )
-        outputs, steps = Outputs(scene), substeps * (len(scene.times) - 1)
+        steps = substeps * (len(scene.times) - 1)
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(lambda message: None)  # else written to a file
         try:
@@ -91,10 +90,9 @@ class Connect:
             seconds = clock() - begun
         finally:
             mujoco.set_mju_user_warning(before)
-        for state in states[0, substeps - 1 :: substeps, 1:]:  # the first number is the time
-            if not outputs.put(*bases.ours(state[: model.nq], state[model.nq : model.nq + model.nv])):
-                break
-        return outputs.outcome(seconds, EVALUATIONS[self.stepper] * steps)
+        told = states[0, substeps - 1 :: substeps, 1:]  # the first number is the time
+        ours = (bases.ours(x[: model.nq], x[model.nq : model.nq + model.nv]) for x in told)
+        return reached(scene, ours, seconds, EVALUATIONS[self.stepper] * steps)
 
 
 class Bases:

@@ -1,37 +1,19 @@
-"""A mechanism's spanning tree as plain parts, for tools that build their own models."""
+"""What tools that build their own models ask of a mechanism: places of frames, closures, drives."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from ... import JointTorque, Mechanism
 from ...mechanism.constraint.closures import RevoluteClosure, closure_frames, frame_of
-from ...mechanism.forces.forces import JointTorque
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 
 Place = tuple[int, pin.SE3]
 """A joint's index (0: the ground) and a placement on its body."""
-
-
-@dataclass(frozen=True)
-class Joint:
-    """A revolute joint, a prismatic joint or a free-flyer with its body."""
-
-    name: str
-    parent: int  # index of the parent joint; 0 is the ground
-    placement: pin.SE3  # on the parent's body
-    kind: JointKind
-    axis: Array  # (3,): unit vector in the joint's own axes; of no meaning for a free-flyer
-    inertia: pin.Inertia  # of the body, in the joint's own axes
-
-    @property
-    def hinge(self) -> bool:
-        """Whether it turns about its axis."""
-        return self.kind is JointKind.REVOLUTE
 
 
 def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
@@ -43,23 +25,22 @@ def has_simple_joints(mechanism: Mechanism, floating: bool = False) -> bool:
     )
 
 
-def joints(mechanism: Mechanism) -> list[Joint]:
-    """All joints in the order of q; the first one's index is 1."""
-    model = mechanism.own_model
-    found = []
-    for joint in mechanism.joints:
-        i = joint.index
-        placement, inertia = model.jointPlacements[i], model.inertias[i]
-        axis = np.zeros(3) if joint.axis is None else joint.axis
-        found.append(Joint(joint.name, int(model.parents[i]), placement, joint.kind, axis, inertia))
-    return found
-
-
 def closure_places(mechanism: Mechanism) -> list[tuple[Place, Place]]:
     """Both places that each closure holds together."""
     places = closure_frames(mechanism.own_model, mechanism.loops)
     half = len(places) // 2
     return list(zip(places[:half], places[half:], strict=True))
+
+
+def rigid_constraints(mechanism: Mechanism) -> tuple[pin.StdVec_RigidConstraintModel, Any]:
+    """Points that Pinocchio's constrained dynamics hold together, and their data."""
+    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+    for pair in closure_places(mechanism):
+        ends = (part for place in pair for part in place)
+        kind = pin.ContactType.CONTACT_3D
+        models.append(pin.RigidConstraintModel(kind, mechanism.own_model, *ends, pin.ReferenceFrame.LOCAL))
+        datas.append(models[-1].createData())
+    return models, datas
 
 
 def held_points(mechanism: Mechanism, closure: object) -> list[Array]:

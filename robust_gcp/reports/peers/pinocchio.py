@@ -13,9 +13,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..contender import Contender, Kind, Outcome, Outputs, Scene, clock, division
+from ..contender import Contender, Kind, Outcome, Scene, clock, division, reached
 from .compiled import Loop, Settings, knows, why_not
 
 Omega = Callable[[Scene, float], float]
@@ -68,16 +67,11 @@ def timed(scene: Scene, setting: float, how: Settings) -> Outcome:
     begun = clock()
     q, v = found.run(scene.q0, scene.v0, h, substeps, outputs, how)
     seconds = clock() - begun
-    kept = Outputs(scene)
-    for state in zip(q[1:], v[1:], strict=True):
-        kept.put(*state)
-    return kept.outcome(seconds, 4 * substeps * min(len(q), outputs))
+    return reached(scene, zip(q[1:], v[1:], strict=True), seconds, 4 * substeps * min(len(q), outputs))
 
 
-@functools.lru_cache(maxsize=16)
-def loop(mechanism: Mechanism) -> Loop:
-    """The compiled loop of a mechanism."""
-    return Loop(mechanism)
+loop = functools.lru_cache(maxsize=16)(Loop)
+"""The compiled loop of a mechanism."""
 
 
 # --------------------------------------------------------------------------- gains

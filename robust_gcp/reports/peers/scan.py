@@ -16,12 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from ... import Mechanism, load, simulate
 from ...examples.linkages import four_bar
-from ...io.loader import load
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...printing import along, table
-from ...simulation.simulate import simulate
 from ..contender import Contender, Scene
 from .pinocchio import per_duration, per_step
 

@@ -3,28 +3,48 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
 from datetime import date
 from pathlib import Path
 
 import numpy as np
 
+from ... import Mechanism, backends
 from ...arguments import Arguments, existing_file, folder, number, part, pathname, positive
+from ...mechanism.tree.tree import Array
 from ...printing import along, table, write, write_json
 from .. import pages
-from ..contender import Contender
+from ..contender import Contender, Outcome
 from ..machine import footer, machine
 from ..tools import tools
 from ..work_precision import ours
-from ..work_precision.motion import Motion
-from ..work_precision.references import Reference
-from .ladder import REPEATED, Reached, fastest, measured
+from ..work_precision.measure import settings_of
+from ..work_precision.references import Motion, Reference
 from .problems import PROBLEMS, Problem
 from .values import VALUES, Value
 
+REPEATED = 3
+"""Timed runs of a setting that is good enough; their least counts."""
+
 REACHED = ("problem", "allowed", "tool", "reached", "energy, J", "step or tolerance", "time, s")
 PUBLISHED = ("published by", "what", "theirs", "ours", "apart", "why")
+
+
+@dataclass(frozen=True)
+class Reached:
+    """What a contender needs for one of the two precisions of a problem."""
+
+    problem: str
+    contender: str
+    family: str
+    # allowed, error: largest error of what the results file holds, m and m/s; NaN where no setting was good
+    # enough
+    allowed: float
+    error: float = np.nan
+    setting: float = np.nan  # step, s, or relative tolerance
+    seconds: float = np.nan  # processor time
+    energy: float = np.nan  # largest change of the energy, J; NaN where it is not constant
 
 
 def arguments(add_to: Arguments) -> None:
@@ -46,14 +66,16 @@ def run(args: argparse.Namespace) -> int:
     """Measure, print both tables, write the files."""
     pages.require_marks(args.refresh, ["published values", "published benchmarks"])
     values = [value() for value in VALUES]
-    print(table(PUBLISHED, [value_row(value) for value in values], None))
-    own = ours.COMPILED if "native" in ours.backend_names() else "bridge, RK4"
+    published = [value_row(value) for value in values]
+    print(table(PUBLISHED, published, None))
+    own = ours.COMPILED if backends()["native"].available else "bridge, RK4"
     where, today = machine(), date.today().isoformat()
     best: list[Reached] = []
     known = {problem.name: problem for problem in PROBLEMS}
     for name in along(args.problem, "benchmarks"):
-        best += _measured(known[name], args, own, where)
-    print(table(REACHED, [reached_row(one) for one in best], None))
+        best += _best_of(known[name], args, own, where)
+    rows = [reached_row(one) for one in best]
+    print(table(REACHED, rows, None))
     print(footer(where, today))
     if args.out is not None:
         write_json(args.out / "benchmarks.json", {
@@ -61,12 +83,15 @@ def run(args: argparse.Namespace) -> int:
             "values": [asdict(value) for value in values], "reached": [asdict(one) for one in best],
         })  # fmt: skip
         print(f"wrote {args.out}")
-    if args.refresh is not None:
-        _refresh(args.refresh, values, best, footer(where, today))
+    measured_at = f"\n\n*{footer(where, today)}*"
+    pages.refresh(args.refresh, {
+        "published values": pages.table([PUBLISHED, *published], (2, 3, 4)),
+        "published benchmarks": pages.table([REACHED, *rows], range(3, len(REACHED))) + measured_at,
+    })  # fmt: skip
     return 0
 
 
-def _measured(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
+def _best_of(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
     """The fastest of each family, and the files where they are wanted."""
     motion = problem.motion()
     exact = motion.solve()
@@ -124,11 +149,50 @@ def _deliver(
     )
 
 
-def _refresh(page: Path, values: Sequence[Value], best: Sequence[Reached], last: str) -> None:
-    rows = [reached_row(one) for one in best]
-    blocks = {
-        "published values": pages.table([PUBLISHED, *map(value_row, values)], (2, 3, 4)),
-        "published benchmarks": pages.table([REACHED, *rows], range(3, len(REACHED))) + f"\n\n*{last}*",
-    }
-    if pages.renew(page, blocks):
-        print(f"renewed {page}")
+# --------------------------------------------------------------------------- from coarse steps to fine ones
+
+
+def measured(
+    problem: Problem, motion: Motion, exact: Reference, contender: Contender, cap: float
+) -> Iterator[Reached]:
+    """Both precisions; settings are left once one takes longer than `cap` seconds."""
+    wanted = problem.delivered(motion.scene.mechanism, exact.q, exact.v)
+    settings = settings_of(contender, motion.scene, motion.steps)
+    left = list(problem.allowed)
+    contender.run(motion.scene, settings[0])  # what is prepared once
+    for setting in settings:
+        outcome = contender.run(motion.scene, setting)
+        error = _error(problem, motion.scene.mechanism, outcome, wanted)
+        while left and error <= left[0]:
+            again = [contender.run(motion.scene, setting).seconds for _ in range(REPEATED - 1)]
+            seconds = min(outcome.seconds, *again)
+            energy = _energy(motion.scene.mechanism, outcome) if problem.conserves else np.nan
+            yield Reached(
+                problem.name, contender.name, contender.family, left.pop(0), error, setting, seconds, energy
+            )
+        if not left or outcome.seconds > cap:
+            break
+    for allowed in left:
+        yield Reached(problem.name, contender.name, contender.family, allowed)
+
+
+def fastest(found: Sequence[Reached]) -> list[Reached]:
+    """Of each precision and family of contenders the one that takes least time; those that get there."""
+    best: dict[tuple[float, str], Reached] = {}
+    for one in found:
+        key = one.allowed, one.family
+        if np.isfinite(one.error) and (key not in best or one.seconds < best[key].seconds):
+            best[key] = one
+    return list(best.values())
+
+
+def _error(problem: Problem, mechanism: Mechanism, outcome: Outcome, wanted: Array) -> float:
+    """Infinite where the run stopped early."""
+    if len(outcome.q) < len(wanted):
+        return np.inf
+    return float(np.abs(problem.delivered(mechanism, outcome.q, outcome.v) - wanted).max())
+
+
+def _energy(mechanism: Mechanism, outcome: Outcome) -> float:
+    energies = np.array([mechanism.energy(q, v) for q, v in zip(outcome.q, outcome.v, strict=True)])
+    return float(np.abs(energies - energies[0]).max())

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..work_precision import scenes
 from ..work_precision.benchmarks import ANDREWS_JOINTS
-from ..work_precision.motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
 from ..work_precision.reduced import GRAVITY
+from ..work_precision.references import SLOW_CAP, SLOW_STEPS, Motion, times_of
 
 CRANK = 0.007
 """Of Andrews' mechanism, m."""
@@ -33,31 +33,16 @@ Delivered = Callable[[Mechanism, Array, Array], Array]
 
 @dataclass(frozen=True)
 class Problem:
-    """A benchmark of the library.
-
-    Attributes
-    ----------
-    motion : callable () -> Motion
-        Its own duration, 401 outputs.
-    columns : tuple of str
-        Of the results file, after the time.
-    delivered : callable
-    allowed : tuple of float
-        Largest errors of these columns, low and high precision, m and m/s.
-    stated : bool
-        Whether the library states them.
-    conserves : bool
-        Whether its energy is constant.
-    """
+    """A benchmark of the library."""
 
     name: str
     title: str
-    motion: Callable[[], Motion]
-    columns: tuple[str, ...]
+    motion: Callable[[], Motion]  # its own duration, 401 outputs
+    columns: tuple[str, ...]  # of the results file, after the time
     delivered: Delivered
-    allowed: tuple[float, float] = (1e-3, 1e-6)
-    stated: bool = False
-    conserves: bool = True
+    allowed: tuple[float, float] = (1e-3, 1e-6)  # errors of the columns, low and high precision, m and m/s
+    stated: bool = False  # whether the library states them
+    conserves: bool = True  # whether its energy is constant
 
 
 def pendulum() -> Motion:

@@ -10,35 +10,23 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, PointClosure, load, simulate
 from ...examples.linkages import n_four_bar
-from ...io.loader import load
-from ...mechanism.constraint.closures import PointClosure
-from ...mechanism.forces.forces import PointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
+from ..stability.truth import governor
 from ..work_precision.benchmarks import ANDREWS_JOINTS
 from ..work_precision.reduced import GRAVITY
 
 
 @dataclass(frozen=True)
 class Value:
-    """A published number beside ours.
+    """A published number beside ours."""
 
-    Attributes
-    ----------
-    source, what : str
-        Who publishes it, and what it is.
-    theirs, ours, apart : float
-    why : str
-        What the difference is.
-    """
-
-    source: str
+    source: str  # who publishes it
     what: str
     theirs: float
     ours: float
-    why: str
+    why: str  # what the difference is
 
     @property
     def apart(self) -> float:
@@ -126,13 +114,7 @@ def spatial_slider_crank() -> Value:
 
 def soft_flyball() -> Value:
     """Speed of a rod of A05 across after 1 ms, its springs 200 times as soft, its joints rigid."""
-    stiff = load("flyball")
-    forces = [
-        PointSpring(f.frame1, f.frame2, 0.005 * f.stiffness, f.rest_length, 0.005 * f.damping)
-        for f in stiff.forces
-        if isinstance(f, PointSpring)
-    ]
-    mechanism = Mechanism.from_pinocchio(stiff.own_model, [], stiff.independent, stiff.home, forces=forces)
+    mechanism = governor(0.005)
     v0 = np.zeros(mechanism.nv)
     v0[mechanism.joint("shaft").idx_v] = 0.16 * 2.0 * np.pi
     run = simulate(mechanism, mechanism.home, v0, duration=1e-3, step=5e-5)

@@ -3,7 +3,3 @@
 `motions.json` holds linkages of one coordinate and their states at equal times, to 25 digits, from energies
 and quadrature in seventy-digit arithmetic: see `motions.Motion`.
 """
-
-from pathlib import Path
-
-MOTIONS = Path(__file__).with_name("motions.json")

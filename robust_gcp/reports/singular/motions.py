@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import JointFriction, Stop
+from ... import JointFriction, Mechanism, Stop
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..linkages import mechanism_of, parts_of
-from ..work_precision.motion import times_of
-from . import MOTIONS
+from ..work_precision.references import times_of
+
+MOTIONS = Path(__file__).with_name("motions.json")
 
 
 @dataclass(frozen=True)

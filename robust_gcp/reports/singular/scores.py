@@ -33,26 +33,14 @@ FINE = 20
 
 @dataclass(frozen=True)
 class Score:
-    """How a tool does on a motion.
-
-    Attributes
-    ----------
-    error : float
-        Least over its settings: largest difference of a joint at the 20 instants, rad.
-    lost : float
-        When it left the mode at its best setting, s; NaN where it did not.
-    past : bool
-        Whether it went on, without a word, where the motion ends.
-    refused : str
-        Why it was not run.
-    """
+    """How a tool does on a motion."""
 
     tool: str
     motion: str
-    error: float = np.inf
-    lost: float = np.nan
-    refused: str = ""
-    past: bool = False
+    error: float = np.inf  # least over its settings: largest difference of a joint at the 20 instants, rad
+    lost: float = np.nan  # when it left the mode at its best setting, s; NaN where it did not
+    refused: str = ""  # why it was not run
+    past: bool = False  # whether it went on, without a word, where the motion ends
 
     @property
     def cell(self) -> str:
@@ -63,8 +51,9 @@ class Score:
         return f"{held}, goes on" if self.past else held
 
 
-def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Score:
+def scored(contender: Contender, motion: Motion, cap: float) -> Score:
     """A tool's best on a motion; settings are left once one takes longer than `cap` seconds."""
+    scene = motion.scene
     why = contender.refuses(scene)
     if why:
         return Score(contender.name, motion.name, refused=why)
@@ -89,11 +78,6 @@ def scored(contender: Contender, motion: Motion, scene: Scene, cap: float) -> Sc
     return best
 
 
-def scene_of(motion: Motion) -> tuple[Scene, Array]:
-    """The motion as one that contenders run, and q of our own at its times, as far as it goes."""
-    return motion.scene, followed(motion.scene)
-
-
 def followed(scene: Scene, backend: Literal["auto", "python", "native"] = "auto") -> Array:
     """q of our own in `FINE` steps between a scene's times, as far as it goes."""
     tool = ours.Ours("own", "bridge", "bridge", ours.FIXED, "", backend=backend)
@@ -116,9 +100,11 @@ def run(args: argparse.Namespace) -> int:
     """Score, print the table, write the files; 1 where one of ours is not right."""
     pages.require_marks(args.refresh, ["singular"])
     found: list[Score] = []
+    exact: dict[str, Array] = {}
+    taking_part = tools(lambda scene: exact[scene.name], args.method, ["bridge, RK4", ours.COMPILED])
     for motion in along(motions(), "singular"):
-        scene, exact = scene_of(motion)
-        found += [scored(tool, motion, scene, args.cap) for tool in _taking_part(args.method, exact)]
+        exact[motion.name] = followed(motion.scene)
+        found += [scored(tool, motion, args.cap) for tool in taking_part]
     rows = cells(found)
     print(table(rows[0], rows[1:], None))
     where = machine()
@@ -126,16 +112,10 @@ def run(args: argparse.Namespace) -> int:
     print(last)
     if args.out is not None:
         write_json(args.out, {"machine": where, "scores": [asdict(score) for score in found]})
-    if args.refresh is not None and pages.renew(
-        args.refresh, {"singular": pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"}
-    ):
-        print(f"renewed {args.refresh}")
+    block = pages.table(rows, range(1, len(rows[0]))) + f"\n\n*{last}*"
+    pages.refresh(args.refresh, {"singular": block})
     wrong = [s for s in found if s.tool.startswith("bridge") and not s.error < 1e-6]
     return 1 if wrong else 0
-
-
-def _taking_part(wanted: Sequence[str], exact: Array) -> list[Contender]:
-    return tools(lambda scene: exact, wanted, ["bridge, RK4", ours.COMPILED])
 
 
 def cells(found: Sequence[Score]) -> list[list[str]]:

@@ -1,23 +1,28 @@
-"""RK4's largest stable step: predicted from the linearised equations, and found by bisection on real runs."""
+"""RK4's largest stable step, and how much larger steps of Radau, BDF and LSODA are at equal accuracy.
+
+RK4's is predicted from the linearised equations, and found by bisection on real runs.
+"""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.optimize import root
 
-from ...errors import SimulationError
+from ... import JointDamper, JointSpring, Mechanism, SimulationError, linearise, simulate
+from ...dynamics.equations import Torque
+from ...dynamics.linearise import ReducedJacobian
+from ...dynamics.problem import initial_value_problem
 from ...examples.linkages import four_bar
-from ...mechanism.forces.forces import JointDamper, JointSpring
-from ...mechanism.mechanism import Mechanism
+from ...maps.choice import MapChoice
 from ...mechanism.tree.tree import Array
-from ...simulation.derivatives.linearised import linearise
-from ...simulation.simulate import simulate
+from ...simulation.runs.steppers import IMPLICIT
 from .case import Start, at_rest
-from .truth import SHAFT, A, B, governor, with_forces
+from .truth import SHAFT, A, B, Servo, governor, of_run, with_forces
 
 STEPS = 60
 """Of a run of the bisection: few, so that the eigenvalues hardly change on the way."""
@@ -29,41 +34,41 @@ KICK = 1e-3
 """rad, or of the natural speed: the fast motion that a run starts with."""
 
 
-@dataclass(frozen=True)
-class System:
-    """A mechanism whose fastest motion is known, and a start that excites it a little."""
+TARGET = 1e-5
+"""rad: the largest error of y that counts as equal accuracy. RK4 may need less than its bound for it."""
 
-    name: str
-    build: Callable[[], Start]
+TOLERANCES = tuple(10.0**-e for e in range(3, 10))
+NAN = float("nan")
+MOST_STEPS = 20_000
+"""Accepted steps after which an attempt is given up: it has no larger step than RK4."""
+
+Build = Callable[[], Start]
+"""Of a mechanism whose fastest motion is known, and a start that excites it a little."""
 
 
-def systems(quick: bool) -> list[System]:
+def systems(quick: bool) -> dict[str, Build]:
     """Springs, dampers and both on a rhombus, a spring on a dependent joint, and the flyball governor."""
     exponents = (8,) if quick else (2, 4, 6, 8)
     ratios = () if quick else (0.2, 0.7)
     factors = (1.0,) if quick else (1e-2, 1.0, 1e2)
-    return [
-        *(System(f"spring 1e{e}", _rhombus(10.0**e, 0.0)) for e in exponents),
-        *(System(f"damper 1e{e}", _rhombus(0.0, 10.0**e)) for e in exponents),
-        *(System(f"spring 1e6, damping ratio {r:g}", _rhombus(1e6, 2e3 * r)) for r in ratios),
-        System("change point, spring 1e6 on q3", _change_point),
-        System("flyball at its start", _flyball_start),
-        *(System(f"flyball × {f:g}, steady", _flyball(f)) for f in factors),
-    ]
+    return {
+        **{f"spring 1e{e}": partial(_rhombus, 10.0**e, 0.0) for e in exponents},
+        **{f"damper 1e{e}": partial(_rhombus, 0.0, 10.0**e) for e in exponents},
+        **{f"spring 1e6, damping ratio {r:g}": partial(_rhombus, 1e6, 2e3 * r) for r in ratios},
+        "change point, spring 1e6 on q3": _change_point,
+        "flyball at its start": _flyball_start,
+        **{f"flyball × {f:g}, steady": partial(_steady_flyball, f) for f in factors},
+    }
 
 
-def _rhombus(k: float, c: float) -> Callable[[], Start]:
+def _rhombus(k: float, c: float) -> Start:
     """At 0.5 rad, `KICK` from where the spring k B carries the load; damper c √(AB)."""
-
-    def build() -> Start:
-        bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
-        load = B * np.cos(0.5) / (k * B) if k else 0.0
-        spring = JointSpring("q1", k * B, 0.5 + load + KICK)
-        mechanism = with_forces(bare, [spring, JointDamper("q1", c * np.sqrt(A * B))])
-        speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
-        return mechanism, bare.home, mechanism.lift(bare.home, [speed])
-
-    return build
+    bare = four_bar(1.0, 1.0, 1.0, 1.0, y=0.5)
+    load = B * np.cos(0.5) / (k * B) if k else 0.0
+    spring = JointSpring("q1", k * B, 0.5 + load + KICK)
+    mechanism = with_forces(bare, [spring, JointDamper("q1", c * np.sqrt(A * B))])
+    speed = 0.0 if k else KICK * c * np.sqrt(B / A)  # runs out after KICK rad
+    return mechanism, bare.home, mechanism.lift(bare.home, [speed])
 
 
 def _change_point() -> Start:
@@ -77,22 +82,18 @@ def _flyball_start() -> Start:
     return mechanism, mechanism.home, SHAFT
 
 
-def _flyball(factor: float) -> Callable[[], Start]:
+def _steady_flyball(factor: float) -> Start:
     """Turning steadily: a state at rest relative to the shaft, the slider kicked off it."""
+    mechanism = governor(factor)
+    applied = mechanism.applied
+    assert applied is not None
 
-    def build() -> Start:
-        mechanism = governor(factor)
-        applied = mechanism.applied
-        assert applied is not None
+    def pull(angles: Array) -> Array:
+        q = np.array([0.0, *angles])
+        return mechanism.tree.rnea(q, SHAFT, mechanism.tree.zero)[1:] - applied.tau(q, SHAFT)[1:]
 
-        def pull(angles: Array) -> Array:
-            q = np.array([0.0, *angles])
-            return mechanism.tree.rnea(q, SHAFT, mechanism.tree.zero)[1:] - applied.tau(q, SHAFT)[1:]
-
-        q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
-        return mechanism, q, SHAFT + np.array([0.0, 0.0, 0.0, KICK])
-
-    return build
+    q = np.array([0.0, *root(pull, mechanism.home[1:], tol=1e-12).x])
+    return mechanism, q, SHAFT + np.array([0.0, 0.0, 0.0, KICK])
 
 
 @dataclass(frozen=True)
@@ -111,13 +112,13 @@ class Bound:
         return self.measured / self.predicted
 
 
-def measure(system: System) -> Bound:
+def measure(name: str, build: Build) -> Bound:
     """Predict and bisect the largest stable step.
 
     Two runs start a little apart in the motion that limits the step, and the step is bisected on whether
     that part of their distance has grown after `STEPS` steps.
     """
-    mechanism, q0, v0 = system.build()
+    mechanism, q0, v0 = build()
     found = linearise(mechanism, q0, v0)
     predicted, m = found.largest_stable_step, mechanism.m
     values, vectors = np.linalg.eig(found.A)
@@ -138,7 +139,7 @@ def measure(system: System) -> Bound:
     while high > 1.0005 * low:
         middle = np.sqrt(low * high)
         low, high = (low, middle) if grows(middle) else (middle, high)
-    return Bound(system.name, found.limiting, predicted, float(np.sqrt(low * high)))
+    return Bound(name, found.limiting, predicted, float(np.sqrt(low * high)))
 
 
 def _end(mechanism: Mechanism, q0: Array, v0: Array, step: float) -> Array:
@@ -147,3 +148,101 @@ def _end(mechanism: Mechanism, q0: Array, v0: Array, step: float) -> Array:
         warnings.simplefilter("ignore")
         run = simulate(mechanism, q0, v0, STEPS * step, step)
     return np.concatenate([run.y[-1], run.v[-1, mechanism.iv_independent]])
+
+
+# --------------------------------------------------------------------------- implicit steppers
+
+
+@dataclass(frozen=True)
+class Stiff:
+    """A stiff motion: the mechanism, its start, its drive, its truth y(t), and how long it lasts, s."""
+
+    name: str
+    mechanism: Mechanism
+    v0: Array
+    torque: Torque | None
+    truth: Callable[[Array], Array]
+    duration: float
+
+
+@dataclass(frozen=True)
+class Stride:
+    """What an implicit stepper needs for `TARGET`."""
+
+    name: str
+    stepper: str
+    bound: float  # RK4's largest stable step at the start, s
+    # rtol, error: loosest tolerance that meets the target, and the error of y there; NaN where none does
+    rtol: float
+    error: float
+    # mean, largest: accepted steps, s
+    mean: float
+    largest: float
+    rhs: int  # right-hand sides, those of the Jacobian among them
+    rk4_rhs: float  # what RK4 needs at its bound
+
+    @property
+    def ratio(self) -> float:
+        """Mean step over RK4's bound."""
+        return self.mean / self.bound
+
+
+def motions(quick: bool) -> list[Stiff]:
+    """Springs, dampers, critically damped servos, and the flyball governor."""
+    rows = []
+    for e in (8,) if quick else (2, 4, 6, 8):
+        k, c = 10.0**e * B, 10.0**e * np.sqrt(A * B)
+        rows += [(f"servo k = 1e{e} B, critical", Servo(k, 2.0 * np.sqrt(k * A)))]
+        rows += [(f"spring k = 1e{e} B, undamped", Servo(k, 0.0))]
+        rows += [] if quick else [(f"damper c = 1e{e} √(AB)", Servo(0.0, c))]
+    return [*(_servo(*row) for row in rows), _flyball()]
+
+
+def _servo(name: str, servo: Servo) -> Stiff:
+    return Stiff(name, servo.mechanism(), np.zeros(3), servo.torque, lambda t: servo.exact(t)[:, :1], 0.5)
+
+
+def _flyball() -> Stiff:
+    mechanism, duration = governor(), 0.3
+    truth = of_run(mechanism, duration, v0=SHAFT, step=1e-3, stepper="Radau", rtol=1e-11, atol=1e-12)
+    return Stiff("flyball governor", mechanism, SHAFT, None, truth, duration)
+
+
+def stride(motion: Stiff, stepper: str) -> Stride:
+    """The loosest tolerance that meets the target, and its steps."""
+    bound = linearise(motion.mechanism, motion.mechanism.home, motion.v0, motion.torque).largest_stable_step
+    rk4 = 4.0 * motion.duration / bound
+    for rtol in TOLERANCES:
+        t, y, rhs = _integrate(motion, stepper, rtol)
+        if t[-1] < motion.duration:
+            break
+        error = float(np.abs(y - motion.truth(t)).max())
+        if error <= TARGET:
+            steps = np.diff(t)
+            return Stride(motion.name, stepper, bound, rtol, error, steps.mean(), steps.max(), rhs, rk4)
+    return Stride(motion.name, stepper, bound, NAN, NAN, NAN, NAN, 0, rk4)
+
+
+def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, int]:
+    """Times and y of the accepted steps, and right-hand sides."""
+    from scipy import integrate
+
+    mechanism, m = motion.mechanism, motion.mechanism.m
+    begun = initial_value_problem(
+        mechanism, v0=motion.v0, torque=motion.torque, choice=MapChoice(error_controlled=True)
+    )
+    f, x = begun.equations, begun.x
+    options = {"rtol": rtol, "atol": 1e-2 * rtol, "jac": ReducedJacobian(f)}
+    solver = getattr(integrate, stepper)(lambda t, x: f(t, x.copy()), 0.0, x, motion.duration, **options)
+    t, y = [0.0], [x[:m]]
+    while solver.status == "running" and len(t) <= MOST_STEPS:
+        solver.step()
+        t.append(solver.t)
+        y.append(solver.y[:m].copy())
+    return np.array(t), np.array(y), f.calls
+
+
+def strides(quick: bool) -> list[Stride]:
+    """All motions by Radau, BDF and LSODA."""
+    steppers = ("Radau",) if quick else IMPLICIT
+    return [stride(motion, stepper) for motion in motions(quick) for stepper in steppers]

@@ -13,11 +13,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...dynamics.equations import Torque
+from ... import Mechanism, Stats
 from ...maps.choice import Method
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.runs.stats import Stats
 
 Verdict = Literal["right", "coarse", "stopped", "wrong"]
 Start = tuple[Mechanism, Array, Array]
@@ -90,10 +88,8 @@ class Case:
     crossings: int | None = None  # how many must be logged; None: any number
     # (q (n, nq)) -> bool, or None: whether the motion stayed on its operation mode
     mode_kept: Callable[[Array], bool] | None = None
-    torque: Torque | None = None  # (t, q, v) -> (nv,), or None
-    # further arguments of `simulate`, such as mode or on_toggle
+    # further arguments of `simulate`, such as mode, torque or on_toggle
     more: Mapping[str, Any] = field(default_factory=dict)
-    note: str = ""  # what the row shows, for the report
 
 
 Family = Callable[[bool], list[Case]]
@@ -119,6 +115,11 @@ def family(name: str, into: Families) -> Callable[[Callable[[bool], Iterable[Cas
 def at_rest(mechanism: Mechanism) -> Start:
     """At home, without motion."""
     return mechanism, mechanism.home, np.zeros(mechanism.nv)
+
+
+def made(start: Start) -> Callable[[], Start]:
+    """Builds what is there."""
+    return lambda: start
 
 
 @dataclass

@@ -6,16 +6,15 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
+from ... import OptionError
 from ...arguments import Arguments, existing_folder, folder, pathname, word
 from ...drawing.figures import style as plots
-from ...errors import OptionError
 from ...printing import table
 from .. import pages
 from . import extreme_bodies, extreme_motion, extreme_several, extreme_starts, maps, report, stiff
-from .bound import measure, systems
+from .bound import measure, strides, systems
 from .case import Cell, Families
 from .judge import judge_all
-from .steps import strides
 
 PAGE = "stability.md"
 
@@ -45,7 +44,7 @@ def run(args: argparse.Namespace) -> int:
         raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
     known, whole = families(), args.case is None
     cells = judge_all([case for name in args.case or known for case in known[name](args.quick)])
-    bounds = [measure(system) for system in systems(args.quick)] if whole else []
+    bounds = [measure(*system) for system in systems(args.quick).items()] if whole else []
     found = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)
     paths += draw(args.out, cells, whole)

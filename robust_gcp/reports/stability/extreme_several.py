@@ -3,24 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cache
 
 import numpy as np
 import pinocchio as pin
 
-from ...errors import SimulationError
+from ... import CouplingClosure, Mechanism, SimulationError, Stats
 from ...examples.families import four_bars
-from ...mechanism.constraint.couplings import CouplingClosure
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.runs.stats import Stats
 from ..stepping import stepped
-from ..work_precision.reduced import Reduced
+from ..work_precision.reduced import Curves, Read, Reduced, SeveralDof, joints_reader
 from ..work_precision.references import integrate
-from ..work_precision.several import Curves, SeveralDof
 from ..work_precision.users import CHANGE_POINT, floating_reader, loops
-from .case import Case, Families, Setting, family, row
+from .case import Case, Families, Setting, family, made, row
+from .extreme_tools import columns
 
 FAMILIES: Families = {}
 
@@ -43,9 +40,8 @@ def clusters(quick: bool) -> Iterator[Case]:
             spread = y.tolist()
             mechanism = four_bars([CHANGE_POINT] * len(y), spread, parents, spacing=9.0)
             system, curves = loops(mechanism, [CHANGE_POINT] * len(y), parents)
-            yield _row(
-                f"{name}, {offset:g} rad apart", mechanism, system, y, np.full(len(y), 2.0), _joints(curves)
-            )
+            case = f"{name}, {offset:g} rad apart"
+            yield _row(case, mechanism, system, y, np.full(len(y), 2.0), joints_reader(curves))
 
 
 @family("floating bases", FAMILIES)
@@ -72,9 +68,8 @@ def couplings(quick: bool) -> Iterator[Case]:
         mechanism = Mechanism(plain.model, [*plain.closures, gear], ["crank0"], home=plain.home)
         system, free = loops(plain, [CHANGE_POINT] * 2, [-1, -1])
         tied = _geared(free, ratio)
-        yield _row(
-            f"ratio {ratio:g}", mechanism, SeveralDof(system.bodies, tied), y, np.array([2.0]), _joints(tied)
-        )
+        system = SeveralDof(system.bodies, tied)
+        yield _row(f"ratio {ratio:g}", mechanism, system, y, np.array([2.0]), joints_reader(tied))
 
 
 def _geared(free: Curves, ratio: float) -> Curves:
@@ -88,22 +83,12 @@ def _geared(free: Curves, ratio: float) -> Curves:
     return curves
 
 
-def _joints(curves: Curves) -> Callable[[Array], tuple[Array, Array]]:
-    def read(x: Array) -> tuple[Array, Array]:
-        y, ydot = np.split(x, 2)
-        q, G, _ = curves(y)
-        return q, G @ ydot
-
-    return read
-
-
 def _row(
-    name: str, mechanism: Mechanism, system: SeveralDof, y: Array, ydot: Array,
-    read: Callable[[Array], tuple[Array, Array]], duration: float = 0.5,
+    name: str, mechanism: Mechanism, system: SeveralDof, y: Array, ydot: Array, read: Read,
+    duration: float = 0.5,
 ) -> Case:  # fmt: skip
     """RK4 against the exact equation; allowed is what the same steps make of that equation, and rounding."""
     reduced = system.lagrange(y, ydot, read)
-    q0, v0 = read(reduced.x0)
 
     @cache
     def exact(count: int) -> Array:
@@ -118,16 +103,9 @@ def _row(
         share = SHARE if mechanism.tree.vector_space else OTHER
         return share * floor + SENSITIVE * sensitivity + LEAST
 
-    settings = tuple(Setting(step=duration / n, name=f"RK4, {n} steps") for n in STEPS)
-    return row(
-        name,
-        lambda: (mechanism, q0, v0),
-        duration,
-        settings,
-        allowed,
-        lambda t: exact(len(t)),
-        more={"on_toggle": "error"},
-    )
+    settings = columns(duration, STEPS, ())
+    start = mechanism, *read(reduced.x0)
+    return row(name, made(start), duration, settings, allowed, lambda t: exact(len(t)))
 
 
 def _stepped(reduced: Reduced, x: Array, times: Array) -> Array:

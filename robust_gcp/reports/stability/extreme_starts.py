@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import OptionError
+from ... import OptionError
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
 from .case import Case, Families, Start, family, row
@@ -95,7 +95,6 @@ def _near_miss(name: str, motion: Motion, link: int, gap: float, quick: bool) ->
         lambda setting, stats: truth.allowed(setting, stats) + APART * abs(gap),
         lambda t: truth.exact(t) + 2.0 * np.pi * turns,
         crossings=1,
-        note="taken for a crossing",
     )
 
 

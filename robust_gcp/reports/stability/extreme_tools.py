@@ -12,17 +12,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, RobustGcpError, Stats, Trajectory, simulate
 from ...dynamics.problem import initial_value_problem
-from ...errors import RobustGcpError
 from ...examples.linkages import four_bar
 from ...maps.choice import MapChoice
 from ...maps.closed_form import FourBar
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.runs.stats import Stats
-from ...simulation.simulate import simulate
-from ...simulation.trajectories.trajectory import Trajectory
-from ..same_steps import same_steps
+from ..stepping import same_steps
 from .case import Case, Setting, Start, row
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)

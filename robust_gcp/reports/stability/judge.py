@@ -5,17 +5,12 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
+from ... import CoarseStepWarning, SingularityWarning, StabilityWarning, Trajectory, simulate
 from ...errors import RobustGcpError, StateError
-from ...maps.classical import SingularityWarning
 from ...printing import along
-from ...simulation.runs.stability import StabilityWarning
-from ...simulation.runs.too_long_steps import CoarseStepWarning
-from ...simulation.simulate import simulate
-from ...simulation.trajectories.trajectory import Trajectory
 from .case import Case, Cell, Setting, Start
 
 MOST_CHECKED = 2000
@@ -77,8 +72,7 @@ def judge_all(cases: Sequence[Case]) -> list[Cell]:
 
 
 def _simulate(case: Case, setting: Setting, start: Start) -> Trajectory:
-    more: dict[str, Any] = {"torque": case.torque, **setting.options, **case.more}
-    return simulate(*start, case.duration, **more)
+    return simulate(*start, case.duration, **{**setting.options, **case.more})
 
 
 def _keep(cell: Cell, run: Trajectory) -> None:

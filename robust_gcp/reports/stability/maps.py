@@ -71,8 +71,7 @@ def draw_family(cells: Sequence[Cell], path: Path) -> Path:
 def draw_summary(cells: Sequence[Cell], path: Path) -> Path:
     """Draw one bar a family, its cells by verdict; returns the path."""
     families = by_family(cells)
-    counted = count(cells)
-    title = "\n".join([f"{len(cells)} cells", *(f"{SYMBOLS[v]} {counted[v]} {MEANING[v]}" for v in VERDICTS)])
+    title = f"{len(cells)} cells\n{_told(cells)}"
     height = 0.9 + 0.24 * len(families) + 0.14 * len(VERDICTS)
     with _grid(path, (height, plots.WIDTH), (1, len(families)), title, size=8) as ax:
         for y, mine in enumerate(families.values()):

@@ -11,10 +11,9 @@ from typing import Any
 
 from .. import pages
 from ..pages import table
-from .bound import Bound
+from .bound import Bound, Stride
 from .case import Cell, Verdict
 from .judge import RIGHT
-from .steps import Stride
 
 VERDICTS: tuple[Verdict, ...] = ("right", "coarse", "stopped", "wrong")
 SYMBOLS: dict[Verdict, str] = {"right": "✓", "coarse": "○", "stopped": "■", "wrong": "✗"}

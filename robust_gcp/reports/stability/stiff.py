@@ -3,20 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from functools import cache, partial
+from functools import cache
 
 import numpy as np
 
-from ...dynamics.equations import Torque
+from ... import JointSpring, Mechanism, Stats, linearise, simulate
 from ...examples.linkages import four_bar
-from ...mechanism.forces.forces import Force, JointDamper, JointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.derivatives.linearised import linearise
-from ...simulation.runs.stats import Stats
-from ...simulation.simulate import simulate
-from .bound import KICK, System, systems
-from .case import Case, Families, Setting, Start, at_rest, family, row
+from .bound import KICK, systems
+from .case import Case, Families, Setting, at_rest, family, made, row
 from .extreme_tools import EXACT
 from .truth import SHAFT, TANGENT, A, B, Servo, governor, of_run, with_forces
 
@@ -39,37 +34,22 @@ SHARES = (0.5, 0.9, 0.98, 1.02, 1.1, 2.0, 10.0)
 @family("RK4's bound", FAMILIES)
 def around(quick: bool) -> Iterator[Case]:
     """RK4 with steps around the predicted bound: bounded inside, warned and growing outside."""
-    yield from map(_around, systems(quick))
-
-
-def _around(system: System) -> Case:
-    mechanism, q0, v0 = system.build()
-    largest = linearise(mechanism, q0, v0).largest_stable_step
-    duration = 200.0 * largest
-    fine = {"step": duration / 2000, "stepper": "DOP853", "rtol": 1e-9, "atol": 1e-9}
-    settings = tuple(Setting(step=s * largest, name=f"{s:g} h*") for s in SHARES)
-    exact = of_run(mechanism, duration, q0=q0, v0=v0, **fine)
-    note = f"h* = {largest:.3g} s"
-    return row(system.name, lambda: (mechanism, q0, v0), duration, settings, 3.0 * KICK, exact, note=note)
+    for name, build in systems(quick).items():
+        mechanism, q0, v0 = start = build()
+        largest = linearise(*start).largest_stable_step
+        duration = 200.0 * largest
+        fine = {"step": duration / 2000, "stepper": "DOP853", "rtol": 1e-9, "atol": 1e-9}
+        settings = tuple(Setting(step=s * largest, name=f"{s:g} h*") for s in SHARES)
+        exact = of_run(mechanism, duration, q0=q0, v0=v0, **fine)
+        yield row(name, made(start), duration, settings, 3.0 * KICK, exact)
 
 
 # --------------------------------------------------------------------------- a stiff drive
 
 
-def driven(servo: Servo) -> Mechanism:
-    """The rhombus, at home on its parallelogram mode, with the drive's spring and damper on q1."""
-    forces: list[Force] = [JointSpring("q1", servo.k, servo.r0), JointDamper("q1", servo.c)]
-    return with_forces(four_bar(1.0, 1.0, 1.0, 1.0, y=servo.y0), forces)
-
-
-def drive(servo: Servo) -> Torque:
-    """What moves the rest of the spring, (nv,)."""
-    return lambda t, q, v: np.array([servo.drive(t), 0.0, 0.0])
-
-
 def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
     duration = 0.5
-    mechanism = driven(servo)
+    mechanism = servo.mechanism()
     floors = cache(servo.floor)
 
     def allowed(setting: Setting, stats: Stats) -> float:
@@ -87,7 +67,7 @@ def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
         cache_by_length(servo.exact),
         mode_kept=lambda q: bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6),
         energy_scale=max(B, servo.k * servo.r0**2, servo.c * servo.nu * servo.r0**2),
-        torque=drive(servo),
+        more={"torque": servo.torque},
     )
 
 
@@ -207,8 +187,5 @@ def flyball(quick: bool) -> Iterator[Case]:
         steppers = ("Radau", "BDF", "LSODA", *(("DOP853",) if factor <= 1.0 else ()))
         settings = _columns(*steppers, steps=(1e-4, 3e-4, 4e-4, 1e-3))
         name = f"λ = −{8117 * factor:.3g} 1/s"
-        yield row(name, partial(_moving, mechanism, v0), duration, settings, WITHIN * RTOL, exact)
-
-
-def _moving(mechanism: Mechanism, v0: Array) -> Start:
-    return mechanism, mechanism.home, v0
+        build = made((mechanism, mechanism.home, v0))
+        yield row(name, build, duration, settings, WITHIN * RTOL, exact)

@@ -12,12 +12,10 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
 
-from ...io.loader import load
+from ... import Force, JointDamper, JointSpring, Mechanism, PointSpring, load, simulate
+from ...examples.linkages import four_bar
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.forces.forces import Force, PointSpring
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
 from ..stepping import stepped
 
 A, B = parallelogram_pendulum(1.0, 1.0, 1.0, 1.0, 1.0)
@@ -56,6 +54,15 @@ class Servo:
     def drive(self, t: float) -> float:
         """What moves the spring's rest from r0 to r(t) and the damper with it, N m."""
         return self.r0 * (self.k * (math.cos(self.nu * t) - 1.0) - self.c * self.nu * math.sin(self.nu * t))
+
+    def torque(self, t: float, q: Array, v: Array) -> Array:
+        """The same on all joints, (nv,)."""
+        return np.array([self.drive(t), 0.0, 0.0])
+
+    def mechanism(self) -> Mechanism:
+        """The rhombus, at home on its parallelogram mode, with the drive's spring and damper on q1."""
+        forces: list[Force] = [JointSpring("q1", self.k, self.r0), JointDamper("q1", self.c)]
+        return with_forces(four_bar(1.0, 1.0, 1.0, 1.0, y=self.y0), forces)
 
     def exact(self, t: Array) -> Array:
         """q (n, 3) at times t from 0 on: the scalar equation at rtol = 1e-12.

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ...errors import SimulationError
+from ... import SimulationError
 from ...mechanism.tree.tree import Array
 from .reduced import GRAVITY, OneDof, Planar, Reduced, Weights
 

@@ -14,15 +14,14 @@ import numpy as np
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
-from ...printing import progress_bar
+from ...printing import along
 from .. import peers
 from ..contender import Contender, Scene
 from ..machine import THREADS
 from ..tools import tools
 from . import floor, report
 from .measure import Judge, Point, climb, settings_of
-from .motion import Motion
-from .references import Reference
+from .references import Motion, Reference
 from .scenes import MOTIONS
 from .store import Store
 from .verdicts import OURS
@@ -69,19 +68,15 @@ class Study:
                 if why:
                     self.refused.setdefault(name, []).append(f"{contender.name}: {why}")
                 else:
-                    settings = self._settings(contender, motion)
+                    ladder = (QUICK_STEPS, QUICK_TOLERANCES) if self.quick else (motion.steps,)
+                    settings = settings_of(contender, motion.scene, *ladder)
                     plan.append((motion, contender, settings))
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
             plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
-        total, done = sum(len(settings) for _, _, settings in plan), 0
-        with progress_bar(float(total), "work-precision") as progress:
-            for motion, contender, settings in plan:
-                for point in self._points(motion, contender, settings):
-                    self.store.add(point)
-                    if progress is not None:
-                        progress((done + settings.index(point.setting) + 1) / total)
-                done += len(settings)
+        for each in along(plan, "work-precision"):
+            for point in self._points(*each):
+                self.store.add(point)
 
     def _points(self, motion: Motion, contender: Contender, settings: list[float]) -> Iterator[Point]:
         name = motion.scene.name
@@ -97,13 +92,6 @@ class Study:
         }
         settings = [setting for setting in settings if setting in reached]
         return climb(contender, motion, judge, settings, known, 1, np.inf)  # its time is of no interest
-
-    def _settings(self, contender: Contender, motion: Motion) -> list[float]:
-        if not self.quick:
-            return settings_of(contender, motion.scene, motion.steps)
-        if contender.kind == "adaptive":
-            return list(QUICK_TOLERANCES)
-        return settings_of(contender, motion.scene, QUICK_STEPS)
 
 
 def arguments(add_to: Arguments) -> None:

@@ -93,10 +93,6 @@ def _scene(
 # --------------------------------------------------------------------------- panels
 
 
-def _x(point: Point, quantity: str) -> float:
-    return point.seconds if quantity == "seconds" else float(point.rhs)
-
-
 def _trajectory_panel(
     ax: Axes, curves: Curves, styles: dict[str, Look], reference: Reference, kind: str, quantity: str
 ) -> None:
@@ -104,14 +100,14 @@ def _trajectory_panel(
     ax.set_xscale("log")
     ax.set_yscale("log")
     shown = {name: curve for name, curve in curves.items() if name in styles and curve[0].kind == kind}
-    places = [_x(p, quantity) for curve in shown.values() for p in curve if p.good]
+    places = [getattr(p, quantity) for curve in shown.values() for p in curve if p.good]
     if places:
         low, high = min(places), max(places)
         room = max(1.3 * (high / low) ** 0.1, (SPAN * low / high) ** 0.5)
         ax.set_xlim(low / room, high * room)
     for name, curve in shown.items():
         good = [p for p in curve if p.good]
-        ax.plot([_x(p, quantity) for p in good], [p.error for p in good], **styles[name])
+        ax.plot([getattr(p, quantity) for p in good], [p.error for p in good], **styles[name])
         edge = {**styles[name], "linestyle": "none", "clip_on": False}
         for p in curve:
             if p.timed and not p.good:
@@ -127,13 +123,13 @@ def _trajectory_panel(
 def _edge(ax: Axes, point: Point, quantity: str) -> float:
     """Where a failure stands: at its cost, or at the end of the axis beyond which that lies."""
     low, high = ax.get_xlim()
-    return float(np.clip(_x(point, quantity), low, high))
+    return float(np.clip(getattr(point, quantity), low, high))
 
 
 def _floor_line(ax: Axes, curve: Sequence[Point], curves: Curves, quantity: str) -> None:
     """The stepper's floor at the run times of ours."""
     floors = {p.setting: p.error for p in curves.get(floor.name_of(curve[0].stepper), []) if p.good}
-    line = [(_x(p, quantity), floors[p.setting]) for p in curve if p.good and p.setting in floors]
+    line = [(getattr(p, quantity), floors[p.setting]) for p in curve if p.good and p.setting in floors]
     if line:
         ax.plot(*np.array(line).T, **FLOOR)
 
@@ -218,9 +214,9 @@ def _write_labels(
         for curve in here:
             for p in curve:
                 if p.timed:
-                    where = (_x(p, quantity), p.error) if p.good else (_edge(ax, p, quantity), HIGHEST)
+                    where = (getattr(p, quantity), p.error) if p.good else (_edge(ax, p, quantity), HIGHEST)
                     labels.block(*where)
-            for one, other in pairwise((_x(p, quantity), p.error) for p in curve if p.good):
+            for one, other in pairwise((getattr(p, quantity), p.error) for p in curve if p.good):
                 labels.block_line(one, other)
         for curve in here:
             style, strong = styles[curve[0].contender], curve[0].family == OURS
@@ -228,10 +224,10 @@ def _write_labels(
             if power is not None and len(good) > 2:
                 middle = good[len(good) // 2]
                 text = _order_text(power)
-                labels.put(_x(middle, quantity), middle.error, text, style["color"], strong, 6.0)
+                labels.put(getattr(middle, quantity), middle.error, text, style["color"], strong, 6.0)
             for i, p in enumerate(good):
                 if strong or i in (0, len(good) - 1):
-                    labels.put(_x(p, quantity), p.error, setting_text(kind, p.setting), style["color"])
+                    labels.put(getattr(p, quantity), p.error, setting_text(kind, p.setting), style["color"])
             for p in (p for p in curve if p.timed and not p.good):
                 if labels.put(_edge(ax, p, quantity), HIGHEST, f"lost at {p.lost:.2g} s", style["color"]):
                     break

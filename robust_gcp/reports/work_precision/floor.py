@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...errors import SimulationError
+from ... import SimulationError
 from ...mechanism.tree.tree import Array
 from ..contender import Kind, Outcome, Scene
 from ..stepping import stepped
@@ -16,9 +16,14 @@ STEPPERS = ("rk4", "DOP853", "Radau", "LSODA")
 FAMILY = "floor"
 
 
+def named(what: str, stepper: str) -> str:
+    """With its stepper."""
+    return f"{what}, {'RK4' if stepper == 'rk4' else stepper}"
+
+
 def name_of(stepper: str) -> str:
     """The floor's name among the points."""
-    return f"floor, {'RK4' if stepper == 'rk4' else stepper}"
+    return named(FAMILY, stepper)
 
 
 class Floor:

@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...errors import SimulationError
-from ...mechanism.mechanism import Mechanism
+from ... import Mechanism, SimulationError
 from ...mechanism.tolerances import STRUCTURAL
 from ...mechanism.tree.tree import Array
 from ..contender import Kind, Outcome, Scene

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -60,15 +59,15 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
     return found
 
 
-@dataclass
 class Labels:
-    """Text at points of an axes, left out where it would cover what is there already."""
+    """Text at points of an axes, left out where it would cover what is there already.
 
-    ax: Axes  # with its final limits and scales; the figure is laid out
+    The axes have their final limits and scales, and the figure is laid out.
+    """
 
-    def __post_init__(self) -> None:
+    def __init__(self, ax: Axes) -> None:
+        self.ax, self._per_point = ax, ax.figure.dpi / 72.0
         self._boxes: list[tuple[float, float, float, float]] = []
-        self._per_point = self.ax.figure.dpi / 72.0
 
     def block(self, x: float, y: float, size: float = 2.2) -> None:
         """Keep labels off a marker of this half size, pt."""

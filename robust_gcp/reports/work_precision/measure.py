@@ -10,14 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from ...errors import StateError
-from ...mechanism.forces.forces import JointTorque
-from ...mechanism.mechanism import Mechanism
+from ... import JointTorque, Mechanism, StateError
 from ...mechanism.tree.tree import Array
 from .. import pages
 from ..contender import Contender, Outcome, Scene
-from .motion import TOLERANCES, Motion
-from .references import Reference
+from .references import TOLERANCES, Motion, Reference
 
 LOST = 0.3
 """Path-wise error from which a run counts as failed: on another mode, or nowhere, rad."""
@@ -153,10 +150,12 @@ def _energy(mechanism: Mechanism, q: Array, v: Array) -> float:
         return np.inf
 
 
-def settings_of(contender: Contender, scene: Scene, steps: Sequence[int]) -> list[float]:
+def settings_of(
+    contender: Contender, scene: Scene, steps: Sequence[int], tolerances: Sequence[float] = TOLERANCES
+) -> list[float]:
     """The contender's ladder, coarse to fine: so many steps in each output interval, or tolerances."""
     if contender.kind == "adaptive":
-        return list(TOLERANCES)
+        return list(tolerances)
     return [float(scene.times[1]) / k for k in steps]
 
 

@@ -9,14 +9,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...errors import OptionError, SimulationError
-from ...kernel import backends
+from ... import OptionError, SimulationError, backends, simulate
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
 from ...mechanism.tree.tree import Array
-from ...simulation.simulate import simulate
 from ..contender import Contender, Kind, Outcome, Scene, clock
+from .floor import named
 from .implicit import Implicit, TunedImplicit
 
 FIXED = "rk4"
@@ -89,42 +88,29 @@ def nearest(t: Array, times: Array) -> Array:
     return np.asarray(after - (times - t[after - 1] < t[after] - times))
 
 
-def backend_names() -> tuple[str, ...]:
-    """The backends of `simulate` that work here."""
-    return tuple(name for name, backend in backends().items() if backend.available)
-
-
 COMPILED = "bridge compiled, RK4"
-OURS: tuple[tuple[str, Method, str, tuple[tuple[Any, ...], ...]], ...] = (
-    ("bridge", "bridge", "no gains, no thresholds: the defaults", (
-        ("bridge, RK4", FIXED), ("bridge, DOP853", "DOP853"), ("bridge, Radau", "Radau"),
-        ("bridge, LSODA", "LSODA"), (COMPILED, FIXED, "tangent", "native"),
-    )),
-    ("closed form", "closed_form", "γ, G and g of the planar four-bar in closed form, M and C from Pinocchio",
-     (
-        ("closed form, RK4", FIXED), ("closed form, DOP853", "DOP853"),
-    )),
-    ("published", "projection", "rank threshold 1e-3, g = 0 at the singularity, as published", (
-        ("Eq. (7), RK4", FIXED), ("Eq. (7), DOP853", "DOP853"),
-    )),
-    ("published", "classical", "Newton on the dependent joints from the previous ones, as published", (
-        ("classical GCP, RK4", FIXED, "previous"),
-    )),
-    ("published", "classical", "Newton on the dependent joints from the tangent's prediction", (
-        ("classical GCP, tangent, RK4", FIXED), ("classical GCP, tangent, DOP853", "DOP853"),
-    )),
-)  # fmt: skip
-"""Family, method, tuning, and contenders: name, stepper, Newton's start and backend; the legend's order."""
+DEFAULTS = "no gains, no thresholds: the defaults"
+EXACT = "γ, G and g of the planar four-bar in closed form, M and C from Pinocchio"
+PUBLISHED = "rank threshold 1e-3, g = 0 at the singularity, as published"
+PREVIOUS = "Newton on the dependent joints from the previous ones, as published"
+PREDICTED = "Newton on the dependent joints from the tangent's prediction"
+OURS: tuple[tuple[str, str, Method, str, tuple[str, ...], dict[str, Any]], ...] = (
+    ("bridge", "bridge", "bridge", DEFAULTS, (FIXED, "DOP853", "Radau", "LSODA"), {}),
+    ("bridge compiled", "bridge", "bridge", DEFAULTS, (FIXED,), {"backend": "native"}),
+    ("closed form", "closed form", "closed_form", EXACT, (FIXED, "DOP853"), {}),
+    ("Eq. (7)", "published", "projection", PUBLISHED, (FIXED, "DOP853"), {}),
+    ("classical GCP", "published", "classical", PREVIOUS, (FIXED,), {"newton_start": "previous"}),
+    ("classical GCP, tangent", "published", "classical", PREDICTED, (FIXED, "DOP853"), {}),
+)
+"""Name before the stepper, family, method, tuning, steppers and other settings; in the legend's order."""
 
 
 def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
     """Ours and the implicit equations, in the order of the legend; gains are tuned by a scene's exact q."""
     found: list[Contender] = []
-    for family, method, tuning, rows in OURS:
-        for name, stepper, *more in rows:
-            found.append(Ours(name, family, method, stepper, tuning, *more))
-    if "native" not in backend_names():
-        found = [c for c in found if c.name != COMPILED]
+    for name, family, method, tuning, steppers, more in OURS:
+        if backends()[more.get("backend", "python")].available:
+            found += [Ours(named(name, s), family, method, s, tuning, **more) for s in steppers]
     found += [Implicit("KKT (2), RK4", FIXED), Implicit("KKT (2), DOP853", "DOP853")]
     found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, (10.0, 10.0))]
     found += [TunedImplicit("KKT (2) Baumgarte tuned, RK4", FIXED, exact)]

@@ -1,4 +1,7 @@
-"""Exact motions, each computed twice by independent means; the difference is their own accuracy."""
+"""Motions of the study: scenes with ladders of steps, and their exact motions.
+
+These are computed twice by independent means; the difference is their own accuracy.
+"""
 
 from __future__ import annotations
 
@@ -7,17 +10,31 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
 from ...simulation.runs.steppers import adaptive
+from ..contender import Scene
 from .reduced import OneDof, Reduced
+
+OUTPUTS = 400
+STEPS = (1, 2, 3, 4, 6, 8, 16, 32, 64, 128)
+"""Steps in each output interval, coarse to fine."""
+
+SLOW_STEPS, SLOW_CAP = (1, 2, 3, 4, 5, 6, 8, 16, 32), 1.2
+"""Of scenes whose evaluations cost ten times those of a four-bar; the cap in s."""
+
+TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9, 1e-11, 1e-13)
 
 TIGHT, TIGHTEST = 3e-14, 1e-15
 """Relative and absolute tolerance of the references' integration."""
 
 QUADRATURE = 8
 """Gauss–Legendre nodes in each output interval."""
+
+CLOSED_FORM = "γ in closed form, Lagrange by hand"
+"""What four-bars are integrated from."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +47,23 @@ class Reference:
     # largest difference of two independent computations, rad (slides: m over the mechanism's length)
     accuracy: float
     source: str  # one sentence: how both were made
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A scene with its exact motion."""
+
+    scene: Scene
+    title: str  # for figures and tables
+    floor: Reduced | None  # the exact reduced equations, which floors are integrated from
+    solve: Callable[[], Reference]
+    steps: tuple[int, ...] = STEPS  # steps in each output interval
+    cap: float = 0.5  # longest run that is timed, s
+
+
+def times_of(duration: float) -> Array:
+    """The output times."""
+    return np.linspace(0.0, duration, OUTPUTS + 1)
 
 
 def integrate(
@@ -64,11 +98,16 @@ def from_energy(times: Array, system: OneDof, start: tuple[float, float], geomet
 
 
 def from_two(
-    times: Array, first: Reduced, second: Reduced, stepper: str, rtol: float, scale: Array, source: str
-) -> Reference:
-    """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`."""
+    times: Array, first: Reduced, second: Reduced, what: tuple[str, str], scale: ArrayLike = 1.0,
+    stepper: str = "DOP853", rtol: float = TIGHT,
+) -> Reference:  # fmt: skip
+    """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`.
+
+    `what` names both sets.
+    """
     _, q, v = integrate(first, times)
     _, other, _ = integrate(second, times, stepper, rtol, rtol * 1e-2)
+    source = f"{what[0]}, DOP853 at rtol = {TIGHT:g}; against {stepper} at {rtol:g} on {what[1]}"
     return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
 
 

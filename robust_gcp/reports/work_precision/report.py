@@ -10,8 +10,7 @@ from .. import pages
 from ..contender import Contender
 from ..machine import footer
 from . import figures, verdicts
-from .motion import Motion
-from .references import Reference
+from .references import Motion, Reference
 from .store import Store
 
 MARK = "work-precision"

@@ -14,17 +14,14 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from ...io.loader import load
-from ...mechanism.forces.forces import JointSpring
-from ...mechanism.mechanism import Mechanism
+from ... import JointSpring, Mechanism, load
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
-from ..peers.parts import closure_places
+from ..peers.parts import rigid_constraints
 from . import references
-from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
 from .reduced import GRAVITY, Reduced
-from .references import Reference
+from .references import SLOW_CAP, SLOW_STEPS, Motion, Reference, times_of
 
 DURATION = 1.0
 """s"""
@@ -140,11 +137,7 @@ class Reader:
 def constrained(mechanism: Mechanism, q0: Array, v0: Array) -> Reduced:
     """(q, v) by `pin.constraintDynamics`; quaternions by their rates, normalised when they are read."""
     model, data = mechanism.own_model, mechanism.own_model.createData()
-    models, datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-    for (joint1, place1), (joint2, place2) in closure_places(mechanism):
-        ends = (joint1, place1, joint2, place2, pin.ReferenceFrame.LOCAL)
-        models.append(pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends))
-        datas.append(models[-1].createData())
+    models, datas = rigid_constraints(mechanism)
     pin.initConstraintDynamics(model, data, models, datas)
     settings, nq = pin.ProximalSettings(1e-15, 1e-10, 20), model.nq
     free = [joint for joint in mechanism.joints if joint.kind is JointKind.FREE_FLYER]
@@ -174,16 +167,12 @@ def _motion(name: str, title: str, mechanism: Mechanism, v0: Array, points: Poin
     q0, read = mechanism.home, Reader(mechanism, points)
     first = points.motion(*read.points(q0, v0), read)
     scene = Scene(name, mechanism, q0, v0, times_of(DURATION))
-    source = (
-        "points with a constant mass matrix, DOP853 at rtol = 3e-14; against DOP853 at 3e-14 on "
-        "pin.constraintDynamics"
-    )
+    what = "points with a constant mass matrix", "pin.constraintDynamics"
 
     def solve() -> Reference:
-        second, scale = constrained(mechanism, q0, v0), np.ones(mechanism.nq)
-        return references.from_two(scene.times, first, second, "DOP853", 3e-14, scale, source)
+        return references.from_two(scene.times, first, constrained(mechanism, q0, v0), what)
 
-    return Motion(scene, title, False, None, solve, SLOW_STEPS, SLOW_CAP)
+    return Motion(scene, title, None, solve, SLOW_STEPS, SLOW_CAP)
 
 
 def _spring(mechanism: Mechanism, joint: str) -> tuple[float, float]:

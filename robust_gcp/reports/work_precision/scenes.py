@@ -8,16 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from ... import Mechanism, load
 from ...examples.linkages import four_bar, n_four_bar
-from ...io.loader import load
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import benchmarks, reduced, references, robots, users
-from .motion import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
 from .reduced import GRAVITY
-from .references import Reference
+from .references import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
 
 
 def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Scene:
@@ -27,15 +25,15 @@ def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Sce
 
 FOUR_BARS = {
     # γ curved, turning through six crossings on the crossed mode
-    "antiparallelogram": ("antiparallelogram", (2.0, 1.0, 2.0, 1.0), -1, (0.1, -2.0), 5.0, True),
+    "antiparallelogram": ("antiparallelogram", (2.0, 1.0, 2.0, 1.0), -1, (0.1, -2.0), 5.0),
     # two curved modes cross at π
-    "change_point": ("change point 4, 2, 3, 3", (4.0, 2.0, 3.0, 3.0), 1, (2.5, 0.0), 5.0, True),
+    "change_point": ("change point 4, 2, 3, 3", (4.0, 2.0, 3.0, 3.0), 1, (2.5, 0.0), 5.0),
     # driven from a short link, which turns fully: crossings at 0 and π
-    "kite": ("kite 2, 1, 1, 2", (2.0, 1.0, 1.0, 2.0), 1, (1.0, -3.0), 3.0, True),
+    "kite": ("kite 2, 1, 1, 2", (2.0, 1.0, 1.0, 2.0), 1, (1.0, -3.0), 3.0),
     # no singular configuration in the way: the control on which every tool is at home
-    "crank_rocker": ("crank-rocker (regular)", (4.0, 1.0, 3.5, 3.0), 1, (1.0, 4.0), 5.0, False),
+    "crank_rocker": ("crank-rocker (regular)", (4.0, 1.0, 3.5, 3.0), 1, (1.0, 4.0), 5.0),
 }
-"""Title, lengths, assembly, start (y, ẏ), duration, and whether the motion passes singular configurations."""
+"""Title, lengths, assembly, start (y, ẏ), and duration."""
 
 PARALLELOGRAMS = {"rhombus": 1.0, "parallelogram": 2.0}
 """The paper's examples, from rest at 0.2 rad: lengths of cranks in those of the coupler's."""
@@ -43,25 +41,19 @@ PARALLELOGRAMS = {"rhombus": 1.0, "parallelogram": 2.0}
 
 def _four_bar(name: str) -> Motion:
     """γ in closed form, DOP853, the energy's quadrature."""
-    title, lengths, assembly, (y, ydot), duration, crosses = FOUR_BARS[name]
+    title, lengths, assembly, (y, ydot), duration = FOUR_BARS[name]
     system = reduced.four_bar(lengths, assembly)
     scene = _scene(name, four_bar(*lengths, y=y, assembly=assembly), ydot, duration)
-
-    def solve() -> Reference:
-        return references.from_energy(scene.times, system, (y, ydot), "γ in closed form, Lagrange by hand")
-
-    return Motion(scene, title, crosses, system.start(y, ydot), solve)
+    solve = partial(references.from_energy, scene.times, system, (y, ydot), references.CLOSED_FORM)
+    return Motion(scene, title, system.start(y, ydot), solve)
 
 
 def of_pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
     """A ÿ = −B cos y, the joints turning alike."""
     start = float(scene.q0[0]), float(scene.v0[0])
     floor = reduced.cranks(A, B, turns).start(*start)
-
-    def solve() -> Reference:
-        return references.from_pendulum(scene.times, start, A, B, turns, floor)
-
-    return Motion(scene, title, True, floor, solve, **more)
+    solve = partial(references.from_pendulum, scene.times, start, A, B, turns, floor)
+    return Motion(scene, title, floor, solve, **more)
 
 
 def _parallelogram(name: str) -> Motion:
@@ -86,27 +78,18 @@ def andrews(duration: float = 0.03) -> Motion:
     order = np.array([mechanism.joint_names.index(name) for name in benchmarks.ANDREWS_JOINTS])
     scene = _scene("andrews", mechanism, 0.0, duration)
     first, second = benchmarks.andrews_implicit(order), benchmarks.andrews_reduced(order)
-    source = (
-        "test set's seven angles and index-1 equations by hand, DOP853 at rtol = 3e-14; against "
-        "DOP853 at 3e-14 on the equation of the crank alone"
-    )
-
-    def solve() -> Reference:
-        return references.from_two(scene.times, first, second, "DOP853", 3e-14, np.ones(7), source)
-
-    return Motion(scene, "Andrews (A03)", False, second, solve, cap=0.8)
+    what = "test set's seven angles and index-1 equations by hand", "the equation of the crank alone"
+    solve = partial(references.from_two, scene.times, first, second, what)
+    return Motion(scene, "Andrews (A03)", second, solve, cap=0.8)
 
 
 def bricard() -> Motion:
     """IFToMM A04, slender rods: from rest, one closure row redundant throughout."""
     system = benchmarks.bricard()
     scene = _scene("bricard", load("bricard"), 0.0, 10.0)
-
-    def solve() -> Reference:
-        geometry = "threefold-symmetric γ in closed form, kinematics by hand"
-        return references.from_energy(scene.times, system, (0.0, 0.0), geometry)
-
-    return Motion(scene, "Bricard (A04)", False, system.start(0.0, 0.0), solve, SLOW_STEPS, SLOW_CAP)
+    geometry = "threefold-symmetric γ in closed form, kinematics by hand"
+    solve = partial(references.from_energy, scene.times, system, (0.0, 0.0), geometry)
+    return Motion(scene, "Bricard (A04)", system.start(0.0, 0.0), solve, SLOW_STEPS, SLOW_CAP)
 
 
 def flyball(duration: float = 0.5, steps: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 12, 16, 32, 64)) -> Motion:
@@ -120,15 +103,9 @@ def flyball(duration: float = 0.5, steps: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 1
     scale = np.ones(4)
     scale[order[3]] = mechanism.length
     first, second = benchmarks.flyball(order, conserving=True), benchmarks.flyball(order, conserving=False)
-    source = (
-        "symmetric Lagrangian by hand with conserved angular momentum, DOP853 at rtol = 3e-14; against "
-        "Radau at 1e-11 on the equations with φ̈"
-    )
-
-    def solve() -> Reference:
-        return references.from_two(scene.times, first, second, "Radau", 1e-11, scale, source)
-
-    return Motion(scene, "flyball governor (A05, stiff, no loop)", False, second, solve, steps)
+    what = "symmetric Lagrangian by hand with conserved angular momentum", "the equations with φ̈"
+    solve = partial(references.from_two, scene.times, first, second, what, scale, "Radau", 1e-11)
+    return Motion(scene, "flyball governor (A05, stiff, no loop)", second, solve, steps)
 
 
 MOTIONS: dict[str, Callable[[], Motion]] = {

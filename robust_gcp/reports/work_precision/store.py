@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from ... import __version__
-from ...errors import OptionError
+from ... import OptionError, __version__
 from .. import pages
 from ..machine import machine
 from .measure import Point, point_of
-from .motion import Motion
-from .references import Reference
+from .references import Motion, Reference
 
 
 class Store:

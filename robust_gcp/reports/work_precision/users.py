@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
 
+from ... import Mechanism, RevoluteClosure
 from ...examples.families import Lengths, four_bars, scissor_lift
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
-from ...mechanism.constraint.closures import RevoluteClosure
-from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from . import reduced, references
-from .motion import SLOW_CAP, SLOW_STEPS, Motion, times_of
-from .reduced import GRAVITY, OneDof, Planar, Weights
-from .references import Reference
-from .several import Curves, SeveralDof
+from .reduced import GRAVITY, Curves, OneDof, Planar, Read, SeveralDof, Weights, joints_reader
+from .references import CLOSED_FORM, SLOW_CAP, SLOW_STEPS, Motion, times_of
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 STAGES, LIFTED, FALLING = 3, 1.0, -4.0
@@ -51,12 +49,9 @@ def scissor() -> Motion:
     v0 = mechanism.lift(mechanism.home, [FALLING])
     scene = Scene("scissor_lift", mechanism, mechanism.home, v0, times_of(3.0))
 
-    def solve() -> Reference:
-        return references.from_energy(
-            scene.times, system, (LIFTED, FALLING), "bars as rods, Lagrange by hand"
-        )
-
-    return Motion(scene, "scissor lift, 3 stages", True, system.start(LIFTED, FALLING), solve)
+    geometry = "bars as rods, Lagrange by hand"
+    solve = partial(references.from_energy, scene.times, system, (LIFTED, FALLING), geometry)
+    return Motion(scene, "scissor lift, 3 stages", system.start(LIFTED, FALLING), solve)
 
 
 SKEW = pin.rpy.rpyToMatrix(0.0, 0.5, 0.7)
@@ -77,12 +72,9 @@ def skew() -> Motion:
     system = reduced.four_bar(lengths, -1, complex(right, up))
     v0 = mechanism.lift(mechanism.home, [ydot])
     scene = Scene("skew_antiparallelogram", mechanism, mechanism.home, v0, times_of(5.0))
-
-    def solve() -> Reference:
-        return references.from_energy(scene.times, system, (y, ydot), "γ in closed form, Lagrange by hand")
-
     title = "antiparallelogram in a skew plane (spatial, redundant)"
-    return Motion(scene, title, True, system.start(y, ydot), solve)
+    solve = partial(references.from_energy, scene.times, system, (y, ydot), CLOSED_FORM)
+    return Motion(scene, title, system.start(y, ydot), solve)
 
 
 # --------------------------------------------------------------------------- several coordinates
@@ -94,13 +86,8 @@ def chain() -> Motion:
     y, ydot = np.array([2.5, 2.55, 2.6]), np.array([1.5, 1.4, 1.3])
     mechanism = four_bars(lengths, y.tolist(), parents)
     system, curves = loops(mechanism, lengths, parents)
-
-    def read(x: Array) -> tuple[Array, Array]:
-        q, G, _ = curves(x[:3])
-        return q, G @ x[3:]
-
     title = "chain of 3 change-point four-bars (m = 3)"
-    return _several("four_bar_chain", title, mechanism, system, (y, ydot), read, 2.0)
+    return _several("four_bar_chain", title, mechanism, system, (y, ydot), joints_reader(curves))
 
 
 BASE = pin.Inertia(3.0, np.zeros(3), np.diag([0.6, 0.4, 0.5]))
@@ -111,14 +98,11 @@ def floating() -> Motion:
     mechanism = four_bars([CHANGE_POINT], [2.5], floating=BASE)
     system, curves = loops(mechanism, [CHANGE_POINT], [-1], BASE)
     y, ydot = np.array([0.0, 0.0, 0.0, 2.5]), np.array([0.4, 3.0, -0.5, 2.0])
-
     title = "change-point four-bar on a floating base (m = 7)"
-    return _several(
-        "floating_change_point", title, mechanism, system, (y, ydot), floating_reader(curves), 2.0
-    )
+    return _several("floating_change_point", title, mechanism, system, (y, ydot), floating_reader(curves))
 
 
-def floating_reader(curves: Curves) -> Callable[[Array], tuple[Array, Array]]:
+def floating_reader(curves: Curves) -> Read:
     """q and v of a linkage on a free body: its place, its turn about x as a quaternion, its own velocity."""
 
     def read(x: Array) -> tuple[Array, Array]:
@@ -134,23 +118,14 @@ def floating_reader(curves: Curves) -> Callable[[Array], tuple[Array, Array]]:
 
 
 def _several(
-    name: str, title: str, mechanism: Mechanism, system: SeveralDof, start: tuple[Array, Array],
-    read: Callable[[Array], tuple[Array, Array]], duration: float,
-) -> Motion:  # fmt: skip
-    """Lagrange's equation against Hamilton's."""
+    name: str, title: str, mechanism: Mechanism, system: SeveralDof, start: tuple[Array, Array], read: Read
+) -> Motion:
+    """2 s by Lagrange's equation, against Hamilton's."""
     first, second = system.lagrange(*start, read), system.hamilton(*start, read)
-    q0, v0 = read(first.x0)
-    scene = Scene(name, mechanism, q0, v0, times_of(duration))
-    source = (
-        "γ in closed form, Lagrange's equation by hand, DOP853 at rtol = 3e-14; against DOP853 at 3e-14 on "
-        "Hamilton's equations"
-    )
-
-    def solve() -> Reference:
-        scale = np.ones(mechanism.nq)
-        return references.from_two(scene.times, first, second, "DOP853", 3e-14, scale, source)
-
-    return Motion(scene, title, True, first, solve, SLOW_STEPS, SLOW_CAP)
+    scene = Scene(name, mechanism, *read(first.x0), times_of(2.0))
+    what = "γ in closed form, Lagrange's equation by hand", "Hamilton's equations"
+    solve = partial(references.from_two, scene.times, first, second, what)
+    return Motion(scene, title, first, solve, SLOW_STEPS, SLOW_CAP)
 
 
 def loops(

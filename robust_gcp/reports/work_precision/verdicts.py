@@ -73,22 +73,21 @@ def reach(curve: Sequence[Point], target: float) -> Reach | None:
     return None
 
 
-def _of(curves: Curves, families: Sequence[str], inside: bool) -> list[list[Point]]:
-    """Curves of these families, or of all others; no floor."""
-    shown = (curve for curve in curves.values() if curve[0].family != floor.FAMILY)
-    return [curve for curve in shown if (curve[0].family in families) == inside]
+def _sides(curves: Curves) -> tuple[list[list[Point]], list[list[Point]]]:
+    """Ours, and those of peers."""
+    every = list(curves.values())
+    return [c for c in every if c[0].family == OURS], [c for c in every if c[0].family not in OWN]
 
 
-def fastest(curves: Curves, target: float, families: Sequence[str], inside: bool) -> Reach | None:
-    """The contender that is first below `target`, among these families or all others."""
-    found = (reach(curve, target) for curve in _of(curves, families, inside))
+def fastest(curves: Sequence[Sequence[Point]], target: float) -> Reach | None:
+    """The contender that is first below `target`."""
+    found = (reach(curve, target) for curve in curves)
     return min((r for r in found if r is not None), key=lambda r: r.seconds, default=None)
 
 
-def best_error(curves: Curves, families: Sequence[str], inside: bool) -> tuple[float, str] | None:
-    """The smallest error of any good point of these families, or of all others."""
-    points = (p for curve in _of(curves, families, inside) for p in curve if p.good)
-    return min(((p.error, p.contender) for p in points), default=None)
+def best_error(curves: Sequence[Sequence[Point]]) -> tuple[float, str] | None:
+    """The smallest error of any good point."""
+    return min(((p.error, p.contender) for curve in curves for p in curve if p.good), default=None)
 
 
 def order(curve: Sequence[Point], accuracy: float) -> float | None:
@@ -121,10 +120,9 @@ def ratios(rows: Sequence[Row]) -> str:
     heads = ["we lose at", "scene", *(f"to {target:.0e}" for target in TARGETS)]
     lines = [[*heads, "error / floor", "reference good to"]]
     for title, curves, reference in rows:
-        cells, lost = [], []
+        cells, lost, (ours, peers) = [], [], _sides(curves)
         for target in TARGETS:
-            ours, peer = fastest(curves, target, (OURS,), True), fastest(curves, target, OWN, False)
-            text, loses = _ratio(ours, peer, best_error(curves, OWN, False))
+            text, loses = _ratio(fastest(ours, target), fastest(peers, target), best_error(peers))
             cells.append(text)
             lost += [f"{target:.0e}"] if loses else []
         floors = ((name, over_floor(curves, name, reference.accuracy)) for name in (COMPILED, PYTHON))
@@ -154,11 +152,10 @@ def seconds(rows: Sequence[Row]) -> str:
         heads += [f"bridge to {target:.0e}", f"best peer to {target:.0e}"]
     lines = [heads]
     for title, curves, _ in rows:
-        line = [title]
+        line, (ours, peers) = [title], _sides(curves)
         for target in SHOWN:
-            for families, inside in (((OURS,), True), (OWN, False)):
-                first, best = fastest(curves, target, families, inside), best_error(curves, families, inside)
-                line.append(_cell(first, best, named=not inside))
+            line.append(_cell(fastest(ours, target), best_error(ours), named=False))
+            line.append(_cell(fastest(peers, target), best_error(peers), named=True))
         lines.append(line)
     return pages.table(lines)
 
