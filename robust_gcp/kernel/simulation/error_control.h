@@ -58,8 +58,8 @@ class ControlledSteps : public Steps {
     static constexpr double LEAST = 0.2, SAFE = 0.9, ORDER = 8.0, GROWTH = 10.0, SHARE = 0.01;
 
     Reason to_the_end(Request& r, std::int64_t i) {
-        const double begun = r.times[i], end = r.times[i + 1];
-        double t = begun, h = end - begun;
+        const double end = r.times[i + 1];
+        double t = r.times[i], h = end - t;
         std::fill(atol_.begin(), atol_.end(), r.atol);
         now_ = x_, kept_ = accepted_;
         k_.resize(STAGES);
@@ -82,6 +82,7 @@ class ControlledSteps : public Steps {
                 continue;
             }
             if (last) return DONE;
+            const double done = h;
             now_ = sum_, t += h;
             h *= std::min(refused > 0 ? 1.0 : GROWTH, factor);
             refused = 0;
@@ -90,8 +91,8 @@ class ControlledSteps : public Steps {
             kept_ = anchor_;
             if (watch_.turns_back(*kept_, clusters.on_bridge())) return ZONE;
             rate(*kept_, k_[0]);
-            if (++taken == MANY + 1)
-                if (Reason reason = hear(r, t, end - begun)) return reason;
+            if (++taken % MANY == 0)
+                if (Reason reason = hear(r, t, done)) return reason;
         }
         return ZONE;
     }
@@ -134,13 +135,14 @@ class ControlledSteps : public Steps {
         return std::fabs(h) * fifth / std::sqrt((fifth + 0.01 * third) * n_);
     }
 
-    // Allow no less than what the rounding of ẋ makes of the whole span; see RefinedRun._refinements.
-    Reason hear(const Request& r, double t, double span) {
+    // Allow no less than what the rounding of ẋ makes of a step; see RefinedRun._refinements.
+    Reason hear(const Request& r, double t, double h) {
+        std::fill(atol_.begin(), atol_.end(), r.atol);
         for (const double ulps : {-2.0, 1.0, 2.0}) {
             for (int k = 0; k < n_; ++k) stage_[k] = now_[k] * (1.0 + ulps * std::numeric_limits<double>::epsilon());
             if (Reason reason = at(r, t)) return reason;
             rate(*anchor_, rate_);
-            for (int k = 0; k < n_; ++k) atol_[k] = std::max(atol_[k], span * std::fabs(rate_[k] - k_[0][k]));
+            for (int k = 0; k < n_; ++k) atol_[k] = std::max(atol_[k], h * std::fabs(rate_[k] - k_[0][k]));
         }
         return DONE;
     }

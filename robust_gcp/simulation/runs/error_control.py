@@ -35,7 +35,7 @@ REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
 
 MANY = 5
-"""Steps with error control within one of the run's, after which the rounding of ẋ is measured."""
+"""Steps with error control within one of the run's, after so many of which ẋ's rounding is measured."""
 
 
 def _noise(f: Callable[[float, Array], Array], t: float, x: Array) -> Array:
@@ -133,28 +133,21 @@ class RefinedRun(Run):
     def _refinements(self, x: Array, times: Array) -> Iterator[SolverStep]:
         """Steps with error control; a trial that is refused leaves the map where the step began.
 
-        Where they become many, the rounding of ẋ is measured, and no error below what it makes of the whole
-        span is asked for any more: light bodies that turn idly beside heavy ones have it 1e6 times as large.
+        Where they become many, the rounding of ẋ is measured now and then, and no error below what it makes
+        of a step is asked for: light bodies that idle beside heavy ones have it 1e6 times as large.
         """
-        following = self._following
+        following, absolute = self._following, np.full(len(x), REFINED_ATOL)
         assert following is not None
-        absolute: Array | float = REFINED_ATOL
-        measured, span = False, float(times[-1] - times[0])
-        while times[0] < times[-1]:
-            tolerances = REFINED_RTOL, absolute, REFINED_EFFORT
-            rounding = partial(self._rounding, following)
-            steps = solver_steps("DOP853", following.trial, x, times, *tolerances, rounding=rounding)
-            for number, step in enumerate(steps):
-                following.keep(step.t1, step.x)
-                following.share()
-                yield step
-                x, times = step.x, np.array([step.t1, times[-1]])
-                if number == MANY and not measured:
-                    measured, absolute = True, np.maximum(absolute, span * _noise(following, step.t1, x))
-                    if np.any(absolute > REFINED_ATOL):
-                        break
-            else:
-                return
+        asked = REFINED_RTOL, absolute, REFINED_EFFORT
+        rounding = partial(self._rounding, following)
+        steps = solver_steps("DOP853", following.trial, x, times, *asked, rounding=rounding)
+        for number, step in enumerate(steps, 1):
+            following.keep(step.t1, step.x)
+            following.share()
+            yield step
+            if number % MANY == 0 and step.t1 < times[-1]:
+                made = (step.t1 - step.t0) * _noise(following, step.t1, step.x)
+                absolute[:] = np.maximum(REFINED_ATOL, made)
 
     def _follow_from(self, now: Evaluation) -> None:
         """Follow the mode anew from an evaluation at the present state."""

@@ -173,7 +173,7 @@ class FixedRun(RefinedRun):
         taken.
         """
         self._unbridged = False  # whether the kernel says so of the step that comes next
-        while i < last:
+        while i < last and (not self._recovery.error_controlled or self._goes_natively(i)):
             batch = self._batch(native, i, last, now)
             if batch is None:
                 break

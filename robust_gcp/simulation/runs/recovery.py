@@ -113,7 +113,7 @@ class Recovery:
         SimulationError
             `stop` itself, where neither helps.
         """
-        if isinstance(stop, ObstacleError):
+        if isinstance(stop, ObstacleError) and not (self.error_controlled and i <= self.met_at):
             self.met_at, self.error_controlled = i, True
             self.changing = stop.obstacle.kind == "toggle" and self._may_change
             return False
