@@ -215,7 +215,7 @@ def test_what_lies_within_steps_changes_no_motion(backend: str, torque: Any, by:
 
 @pytest.mark.parametrize("backend", ["python", "native"])
 def test_rounding_that_is_measured_beside_a_miss_loosens_no_later_step(backend: str) -> None:
-    """Energy to 1e-7 J of some 40 that move, in whatever parts a step is taken: it was off by 1e-4 in some."""
+    """Energy to 1e-7 J of some 40 that move, in whatever parts a step is taken."""
     mech = four_bar(1.0, 2.0 - 1.6214403737515622e-6, 1.5, 1.5, y=1.2278897808670564)
     start = mech.home, mech.lift(mech.home, [2.832292154755552]), 0.8, 1e-3
     outputs = np.append(np.sort(np.random.default_rng(1).uniform(0.44, 0.71, 40)), 0.8)
