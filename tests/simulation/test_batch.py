@@ -175,6 +175,11 @@ def test_starts_at_singular_places_and_in_zones(specialise: bool | None) -> None
 
 
 @pytest.mark.filterwarnings("ignore::robust_gcp.CoarseStepWarning")
+def test_starts_that_are_no_table_are_refused() -> None:
+    with pytest.raises(rg.StateError, match="is not a list of 3 numbers"):
+        rg.Batch(rg.load("rhombus"), 2, [[0.2, -0.2], [0.2]])
+
+
 def test_a_row_that_stops_says_why_and_the_others_go_on() -> None:
     mech = rg.load("crank_rocker")
     batch, same = rg.Batch(mech, N), rg.Batch(mech, N)
