@@ -180,6 +180,7 @@ def test_many_states_are_each_as_one(name: str) -> None:
         for i in range(len(q)):
             one = call(*(part[i] for part in rows))
             np.testing.assert_allclose(many[i], one, rtol=1e-10, atol=1e-10, err_msg=what)
+        assert call(*(part[:0] for part in rows)).shape == (0, *many.shape[1:]), what
 
 
 class TestRefused:
