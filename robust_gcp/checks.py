@@ -267,13 +267,16 @@ def at_row(i: int) -> Iterator[None]:
         raise
 
 
-def of_each(function: Callable[..., Any], rows: Iterable[Sequence[Any]]) -> Array:
-    """A function at each of many states, whose number comes first; errors say which row they are about."""
+def of_each(function: Callable[..., Any], rows: Iterable[Sequence[Any]], *shape: int) -> Array:
+    """A function at each of many states, whose number comes first; errors say which row they are about.
+
+    `shape` is that of what it gives, of no states too.
+    """
     found = []
     for i, row in enumerate(rows):
         with at_row(i):
             found.append(np.array(function(*row)))
-    return np.array(found)
+    return np.array(found).reshape(len(found), *shape)
 
 
 def is_table(value: Any) -> bool:

@@ -47,7 +47,7 @@ def inverse_dynamics(
     check_mechanism(mechanism, Mechanism, "inverse_dynamics")
     if is_table(q):
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (ydd, mechanism.m, "ydd", "m")
-        return of_each(partial(inverse_dynamics, mechanism, mode=mode), rows_like(*given))
+        return of_each(partial(inverse_dynamics, mechanism, mode=mode), rows_like(*given), mechanism.m)
     wanted = checked_vector(ydd, mechanism.m, "ydd", "m")
     motion = initial_value_problem(mechanism, q, v, mode)
     point = motion.start.point

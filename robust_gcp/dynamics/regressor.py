@@ -106,8 +106,12 @@ def regressor(
     check_mechanism(mechanism, Mechanism, "regressor")
     if is_table(q):
         given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (udot, mechanism.m, "udot", "m")
-        found = of_each(lambda at, fast, a: regressor(mechanism, at, fast, a, mode).matrix, rows_like(*given))
-        return Regressor(found, inertial_names(mechanism), inertial_values(mechanism))
+        names, values = inertial_names(mechanism), inertial_values(mechanism)
+        sizes = mechanism.m, len(names)
+        found = of_each(
+            lambda at, fast, a: regressor(mechanism, at, fast, a, mode).matrix, rows_like(*given), *sizes
+        )
+        return Regressor(found, names, values)
     wanted = checked_vector(udot, mechanism.m, "udot", "m")
     point = initial_value_problem(mechanism, q, v, mode).start.point
     G = point.G

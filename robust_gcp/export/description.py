@@ -91,9 +91,10 @@ def _chart(mechanism: Mechanism, named: Mechanism) -> Arrays:
 
 def _description(mechanism: Mechanism) -> Arrays:
     rest = rest_of(mechanism)
-    path = RegularPath(rest, np.arange(rest.nc), Counters())
     try:
-        if rest.nc != len(rest.iv_dependent):  # redundant rows: those that serve at home
+        if rest.nc == len(rest.iv_dependent):
+            path = RegularPath(rest, np.arange(rest.nc), Counters())
+        else:  # redundant rows: those that serve at home
             path = initial_value_problem(mechanism, None, None).start.path
         return describe(mechanism, path, False)
     except NotNativeError as error:

@@ -50,7 +50,7 @@ def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
     name = re.sub(r"\W", "_", stem)
     name = name if name[:1].isalpha() else f"m{name}"
     fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "CALLED": called}
-    fill |= {"JOINT": mechanism.independent[0], "HOME": repr(_home(mechanism))}
+    fill |= {"FILE": stem, "JOINT": mechanism.independent[0], "HOME": repr(_home(mechanism))}
     found = _along(mechanism)
     if found is None:
         period, samples, more = _by_arc(mechanism)
@@ -174,7 +174,7 @@ void @NAME@_step(double* @S@, double* u, double h, double tau);          /* RK4,
 
 CODE = """#include <math.h>
 
-#include "@NAME@.h"
+#include "@FILE@.h"
 
 enum { CELLS = @CELLS@, ROWS = @ROWS@, DEGREE = @DEGREE@ };
 static const double PERIOD = @PERIOD@;

@@ -97,6 +97,8 @@ def parts_of(
         dampers = [f for f in mechanism.forces if isinstance(f, JointDamper) and f.joint == joint.name]
         damping = float(sum(f.damping for f in dampers))
         above, place, armature = int(model.parents[i]), model.jointPlacements[i], np.asarray(model.armature)
+        if joint.kind is JointKind.PLANAR and np.any(armature[joint.v][:2]):  # along axes that turn with it
+            note(lost, "armature of joints", [joint.name])
         body_parts = (joint, above, place, links, body, model.inertias[i], frames, _range(model, joint))
         dry = float(model.upperDryFrictionLimit[joint.idx_v]) if joint.single else 0.0
         effort = _effort(mechanism, joint)

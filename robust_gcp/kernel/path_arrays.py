@@ -46,10 +46,11 @@ def path_arrays(
     actuation = mechanism.actuation
     for i, actuator in enumerate(actuators):
         assert actuation is not None  # of these actuators
-        group = next((g for g, members in enumerate(actuation.sharing) if i in members), -1)
+        none = -1, None
+        group, shared = next(((g, x) for g, (of, x) in enumerate(actuation.sharing) if i in of), none)
         law = AFFINE if actuator.muscle is None else MUSCLE
         pull_at += [described.number(actuator.along, actuation.paths[i]), law, i, group]
-        pulls.append(_pull(actuator.gear, _law(actuator), actuator.force_range, actuator.shared_range))
+        pulls.append(_pull(actuator.gear, _law(actuator), actuator.force_range, shared))
     arrays.structure.paths, arrays.structure.pulls = len(described.path_at) // 4, len(pulls)
     arrays.integers(
         path_at=described.path_at, arm_at=described.arm_at, stretch_at=described.stretch_at, pull_at=pull_at

@@ -103,19 +103,19 @@ class ClosedLoops:
 
     # ----------------------------------------------------------------- the implicit constraint
 
-    @at_each
+    @at_each("nc")
     def phi(self, q: ArrayLike) -> Array:
         """Loop-closure residual φ(q), (nc,), m and rad; (N, nc) at q (N, nq), as the next ones."""
         self.tree.jacobians(self.configuration(q))
         return require_finite(self.implicit.residual(), "φ(q)")
 
-    @at_each
+    @at_each("nc", "nv")
     def K(self, q: ArrayLike) -> Array:
         """K = ∂φ/∂q, (nc, nv): K v = 0."""
         self.tree.jacobians(self.configuration(q))
         return require_finite(self.implicit.jacobian(), "K(q)")
 
-    @at_each
+    @at_each("nc")
     def k(self, q: ArrayLike, v: ArrayLike) -> Array:
         """k = −K̇ v, (nc,): K a = k."""
         q, v = self.configuration(q), self.velocity(v)
@@ -123,7 +123,7 @@ class ClosedLoops:
         self.tree.rnea(q, v, self.tree.zero)
         return require_finite(self.implicit.bias(), "k(q, v)")
 
-    @at_each
+    @at_each("nc", "nv")
     def K_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """K̇ along v, (nc, nv): K̇ v = −k."""
         q, v = self.configuration(q), self.velocity(v)

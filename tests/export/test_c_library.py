@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import robust_gcp as rg
@@ -77,6 +78,24 @@ def test_motions_hang_on_the_state_alone(name: str) -> None:
         here.step(None, 50), batch.step(None, 50)
     for found in (one.q, again.q, here.q, batch.q[0]):
         np.testing.assert_array_equal(found, once.q)
+
+
+def test_a_joint_that_its_loop_holds_fast(tmp_path: Path) -> None:
+    """By more rows than it has velocities."""
+    model, body = pin.Model(), pin.Inertia.FromBox(1.0, 0.2, 0.3, 0.4)
+    at = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    turning = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "turning")
+    held = model.addJoint(turning, pin.JointModelRX(), at, "held")
+    for joint in (turning, held):
+        model.appendBodyToJoint(joint, body, at)
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    model.addFrame(pin.Frame("end", held, at, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("start", turning, at * at, pin.FrameType.OP_FRAME))
+    mech = rg.Mechanism.from_pinocchio(model, [rg.PrismaticClosure("end", "start")])
+    assert mech.nc > len(mech.dependent)
+    there = CMotion(Exported(mech.export(tmp_path / "held.rgcp"))).begin(mech.home, [0.5]).step(1e-3, 100)
+    here = rg.Simulation(mech, v0=mech.lift(mech.home, [0.5]), keep="last").step(None, 100)
+    np.testing.assert_array_equal(there.q, here.q)
 
 
 @pytest.mark.parametrize("name", ["rhombus", "parallelogram", "change_point"])

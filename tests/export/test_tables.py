@@ -90,6 +90,15 @@ def test_by_arc_length_where_the_joint_turns_back(name: str, tmp_path: Path) -> 
     assert u.value * table.robot_rate(s.value) == pytest.approx(float(fine.v[-1][pace]), abs=1e-8)
 
 
+@needs_compiler
+@pytest.mark.parametrize("file", ["2f85", "a-b.c d"])
+def test_files_of_any_name(file: str, tmp_path: Path) -> None:
+    """What is in them has names of C's; the code asks for its header by the file's."""
+    code = rg.load("crank_rocker").export(tmp_path / f"{file}.c")
+    words = [str(COMPILER), "-std=c99", "-c", str(code), "-o", str(tmp_path / "object")]
+    subprocess.run(words, check=True, timeout=60)
+
+
 @pytest.mark.parametrize(("name", "why"), [("five_bar", "one coordinate"), ("delta", "one coordinate")])
 def test_what_has_no_table(name: str, why: str, tmp_path: Path) -> None:
     with pytest.raises(rg.ModelError, match=why):

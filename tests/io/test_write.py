@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -232,6 +233,52 @@ def test_forces_that_their_numbers_do_not_tell_are_told(file: str, tmp_path: Pat
     )
     with pytest.warns(rg.ModelWarning, match=r"forces \(Hardening\)"):
         mechanism.write(tmp_path / file)
+
+
+def of_two_hinges(**more: Any) -> rg.Mechanism:
+    model = pin.Model()
+    add_link(model, add_link(model, 0, 0.0, "a", 1.0), 1.0, "b", 1.0)
+    model.lowerPositionLimit, model.upperPositionLimit = np.array([-np.inf, -2.0]), np.array([1.5, np.inf])
+    return rg.Mechanism.from_pinocchio(model, **more)
+
+
+@pytest.mark.parametrize("file", FORMATS)
+def test_ranges_with_one_end(file: str, tmp_path: Path) -> None:
+    model = rg.load(of_two_hinges().write(tmp_path / file)).model
+    assert model.upperPositionLimit[0] == 1.5
+    assert model.lowerPositionLimit[1] == -2.0
+    assert model.lowerPositionLimit[0] <= -1e9
+    assert model.upperPositionLimit[1] >= 1e9
+
+
+@pytest.mark.parametrize("lower", [-1.0, -1.2])
+def test_tendon_springs_whatever_their_lengths(lower: float, tmp_path: Path) -> None:
+    """Two of −1 say in MJCF that nothing is said."""
+    spring = rg.TendonSpring(rg.FixedTendon({"a": 1.0, "b": -0.5}), 3.0, lower, -1.0, 0.2)
+    mechanism = of_two_hinges(forces=[spring])
+    read = rg.load(mechanism.write(tmp_path / "a.xml"))
+    q, v = np.array([0.4, 0.9]), np.array([0.3, -0.2])
+    assert read.energy(q, v) == pytest.approx(mechanism.energy(q, v), rel=1e-12)
+    np.testing.assert_allclose(
+        rg.forward_dynamics(read, q, v), rg.forward_dynamics(mechanism, q, v), rtol=1e-12
+    )
+
+
+@pytest.mark.parametrize("gain", [(1.0,), (2.0, 0.1)])
+def test_ranges_of_activations_that_there_are_not(gain: tuple[float, ...], tmp_path: Path) -> None:
+    motor = rg.Actuator("m", "a", gain=gain, activation_range=(-0.2, 0.9))
+    read = rg.load(of_two_hinges(actuators=[motor]).write(tmp_path / "a.xml"))
+    assert [(a.name, a.gain[: len(gain)], a.dynamics) for a in read.actuators] == [("m", gain, "none")]
+
+
+@pytest.mark.parametrize("file", FORMATS)
+def test_armature_along_axes_that_turn_is_told(file: str, tmp_path: Path) -> None:
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPlanar(), pin.SE3.Identity(), "float")
+    model.appendBodyToJoint(joint, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    model.armature = np.array([0.5, 0.5, 0.1])
+    with pytest.warns(rg.ModelWarning, match=r"armature of joints \(float\)"):
+        rg.Mechanism.from_pinocchio(model).write(tmp_path / file)
 
 
 def test_plain_motors_are_the_joints_that_are_driven(tmp_path: Path) -> None:

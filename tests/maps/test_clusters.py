@@ -421,3 +421,37 @@ def test_three_coordinates_of_one_cluster_pass_a_singular_surface_alike() -> Non
     assert_same(run, rg.simulate(first, backend="python", **options), 1e-10)
     for other in (["b", "t", "c"], ["o", "d", "e"], ["a", "c", "e"]):
         assert_same(run, rg.simulate(first.with_independent(other), **options), 1e-9)
+
+
+def on_a_gimbal(seed: int, angles: list[pin.JointModel]) -> rg.Mechanism:
+    """A body that turns by Euler angles z, y and x, and a slide on it whose end is held."""
+    rng, model = np.random.default_rng(seed), pin.Model()
+    places = [pin.SE3(pin.exp3(rng.normal(size=3)), 0.4 * rng.normal(size=3)) for _ in range(4)]
+    body, joint, place = pin.Inertia.FromBox(1.0, 0.2, 0.3, 0.4), 0, places[0]
+    for i, angle in enumerate(angles):
+        joint, place = model.addJoint(joint, angle, place, f"angle{i}"), pin.SE3.Identity()
+    model.appendBodyToJoint(joint, body, places[1])
+    slide = pin.JointModelPrismaticUnaligned(np.array([0.6, 0.0, 0.8]))
+    joint = model.addJoint(joint, slide, places[2], "slide")
+    model.appendBodyToJoint(joint, body, places[1])
+    model.addFrame(pin.Frame("end", joint, places[3], pin.FrameType.OP_FRAME))
+    q, data = 0.4 * rng.normal(size=model.nq), model.createData()
+    pin.forwardKinematics(model, data, q)
+    model.addFrame(pin.Frame("start", 0, data.oMi[joint] * places[3], pin.FrameType.OP_FRAME))
+    return rg.Mechanism.from_pinocchio(model, [rg.PointClosure("end", "start")], "auto", q)
+
+
+@pytest.mark.parametrize("seed", [1, 3])
+def test_joints_whose_axes_turn_are_the_chains_that_they_amount_to(seed: int) -> None:
+    """Beside singular places too, where loops are followed by how K changes, in any of its coordinates."""
+    one = on_a_gimbal(seed, [pin.JointModelSphericalZYX()])
+    chain = on_a_gimbal(seed, [pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRX()])
+    v = chain.lift(chain.home, [1.0])
+    wanted = rg.simulate(chain, v0=v, duration=0.3, step=1e-3)
+    beside = 0
+    for _, names in one.coordinate_choices(one.home):
+        run = rg.simulate(one.with_independent(names), v0=v, duration=0.3, step=1e-3, backend="python")
+        assert np.abs(run.q - wanted.q).max() < 1e-9
+        assert np.abs(run.energy_error()).max() < 1e-9
+        beside += run.stats.zone_evaluations
+    assert beside

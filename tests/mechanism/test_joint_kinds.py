@@ -119,6 +119,28 @@ def test_closures_have_their_derivatives(kind: str, derivative: Callable[..., Ar
     np.testing.assert_allclose(implicit.bias(), -second, atol=1e-9)
 
 
+@pytest.mark.parametrize("kind", [*KINDS, *NAMELESS])
+def test_the_jacobian_has_its_rate(kind: str, derivative: Callable[..., Array]) -> None:
+    """dK/dt row by row and column by column, which loops are followed by beside singular places."""
+    model = chain(kind)
+    closures = [rg.FrameClosure("tip", "ground"), rg.PrismaticClosure("tip", "ground", (0.6, 0.0, 0.8))]
+    tree = Tree(model, closure_frames(model, closures))
+    implicit = ImplicitConstraint(tree, closures)
+    q, v, _ = state(model)
+
+    def at(s: float) -> Array:
+        tree.jacobians(tree.integrate(q, s * v))
+        return implicit.jacobian().copy()
+
+    wanted = derivative(at)
+    if kind == "JointModelEllipsoid":
+        with pytest.raises(rg.ModelError, match="is no chain"):
+            tree.jacobian_rates(q, v)
+        return
+    tree.jacobian_rates(q, v)
+    np.testing.assert_allclose(implicit.jacobian_rate(v), wanted, atol=1e-9)
+
+
 @pytest.mark.parametrize("axis", [(-1.0, 0.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.6, 0.8), (1.0, 0.0, 0.0)])
 @pytest.mark.parametrize("backend", ["python", "native"])
 def test_a_pendulum_with_a_rotor(axis: tuple[float, float, float], backend: str) -> None:

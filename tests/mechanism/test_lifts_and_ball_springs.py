@@ -81,6 +81,22 @@ def test_slopes_are_exact() -> None:
                 np.testing.assert_allclose(a, b, atol=2e-8)
 
 
+@pytest.mark.parametrize(
+    "joint", [pin.JointModelSphericalZYX(), pin.JointModelUniversal(np.eye(3)[0], np.eye(3)[1])]
+)
+def test_slopes_are_exact_behind_joints_whose_axes_turn(joint: pin.JointModel) -> None:
+    model = pin.Model()
+    at = pin.SE3(pin.exp3(np.array([0.3, 0.2, 0.5])), np.array([0.1, 0.2, 0.3]))
+    first = model.addJoint(0, joint, at, "gimbal")
+    second = model.addJoint(first, pin.JointModelRX(), at, "hinge")
+    model.addFrame(pin.Frame("hand", second, at, pin.FrameType.OP_FRAME))
+    lift = rg.GravityCompensation({"hand": (2.0, (0.1, 0.2, 0.3))})
+    mech = rg.Mechanism.from_pinocchio(model, forces=[lift])
+    for q, v in states(mech, 3):
+        wanted = torque_differences(mech.tree, mech.units, lambda q, v: lift.tau(mech, q, v), q, v)
+        np.testing.assert_allclose(lift.derivatives(mech, q, v)[0], wanted[0], atol=1e-7)
+
+
 def test_derivatives_and_gradients_know_them() -> None:
     mech = rg.Mechanism.from_mjcf(XML.format(more=""))
     (q, v), h = states(mech, 1)[0], 1e-6

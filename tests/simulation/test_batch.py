@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from numpy.typing import NDArray
 
@@ -174,6 +175,11 @@ def test_starts_at_singular_places_and_in_zones(specialise: bool | None) -> None
 
 
 @pytest.mark.filterwarnings("ignore::robust_gcp.CoarseStepWarning")
+def test_starts_that_are_no_table_are_refused() -> None:
+    with pytest.raises(rg.StateError, match="is not a list of 3 numbers"):
+        rg.Batch(rg.load("rhombus"), 2, [[0.2, -0.2], [0.2]])
+
+
 def test_a_row_that_stops_says_why_and_the_others_go_on() -> None:
     mech = rg.load("crank_rocker")
     batch, same = rg.Batch(mech, N), rg.Batch(mech, N)
@@ -255,6 +261,26 @@ def test_what_the_kernel_does_not_take_alone() -> None:
         one.step({"q1": 2.0}, 100)
         np.testing.assert_allclose(q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-14)
     assert one.happenings
+
+
+@pytest.mark.parametrize("first", [pin.JointModelRX, pin.JointModelPlanar])
+def test_beside_a_loop_that_is_held_poorly(first: type[Any]) -> None:
+    """A cut slide that is in a joint's own plane, but for 0.03 of it, lets it move nowhere."""
+    model, body = pin.Model(), pin.Inertia.FromBox(1.0, 0.2, 0.3, 0.4)
+    at = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3]))
+    for name, kind, place in (("free", first(), pin.SE3.Identity()), ("held", pin.JointModelPlanar(), at)):
+        joint = model.addJoint(0, kind, place, name)
+        model.appendBodyToJoint(joint, body, at)
+    model.addFrame(pin.Frame("end", joint, at, pin.FrameType.OP_FRAME))
+    model.addFrame(pin.Frame("start", 0, at * at, pin.FrameType.OP_FRAME))
+    mech = rg.Mechanism.from_pinocchio(model, [rg.PrismaticClosure("end", "start", (1.0, 0.0, 0.03))])
+    v = mech.lift(mech.home, np.ones(mech.m))
+    batch = rg.Batch(mech, 2, v0=v)
+    batch.step(n=20)
+    one = rg.Simulation(mech, v0=v).step(n=20)
+    assert [*batch.status] == [0, 0]
+    np.testing.assert_allclose(batch.q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(batch.v, np.tile(one.v, (2, 1)), rtol=0.0, atol=1e-14)
 
 
 class _nothing:  # noqa: N801 - a context

@@ -99,6 +99,23 @@ class TestClosedForms:
         ]
 
     @pytest.mark.parametrize("backend", BACKENDS)
+    @pytest.mark.parametrize("named", ["a", "b", "ab"])
+    def test_a_sum_has_one_range_whoever_names_it(self, named: str, backend: Backend) -> None:
+        """2 + 6 N on 2 kg, of which 4 N act: x = t²."""
+        pulls = [
+            rg.Actuator(name, "x", gain=(gain,), shared_range=(-4.0, 4.0) if name in named else None)
+            for name, gain in (("a", 2.0), ("b", 6.0))
+        ]
+        run = rg.simulate(_slide(*pulls), duration=0.5, step=0.01, ctrl={"a": 1.0, "b": 1.0}, backend=backend)
+        assert run["x"][-1] - run["x"][0] == pytest.approx(0.25, abs=1e-13)
+        assert [run["actuator.a"][-1], run["actuator.b"][-1]] == pytest.approx([1.0, 3.0], abs=1e-13)
+
+    def test_two_ranges_of_one_sum_are_refused(self) -> None:
+        pulls = [rg.Actuator(name, "x", shared_range=(-4.0, end)) for name, end in (("a", 4.0), ("b", 5.0))]
+        with pytest.raises(rg.ModelError, match="one shared_range, not several: 'a'"):
+            _slide(*pulls)
+
+    @pytest.mark.parametrize("backend", BACKENDS)
     def test_a_muscle_by_another_solver(self, backend: Backend) -> None:
         """Activation, force by length and velocity and the motion as one system, by SciPy at 1e-12."""
         muscle = rg.Muscle((0.3, 0.9), 40.0)

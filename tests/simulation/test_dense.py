@@ -85,6 +85,15 @@ def test_one_time_and_several() -> None:
     np.testing.assert_array_equal(one.frame("q2").position, many.frame("q2").position[0])
 
 
+@pytest.mark.parametrize("name", ("swing", "tumble"))
+def test_no_times(name: str, request: pytest.FixtureRequest) -> None:
+    run = request.getfixturevalue(name)
+    none = run.at([])
+    assert [part.shape for part in (none.q, none.v, none.a)] == [
+        (0, n) for n in (run.mechanism.nq, run.mechanism.nv, run.mechanism.nv)
+    ]
+
+
 def test_a_pendulum_between_its_outputs() -> None:
     """A rod turning freely about its end: q(t) = ω t exactly, at any time."""
     model = pin.Model()

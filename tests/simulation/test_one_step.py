@@ -141,6 +141,22 @@ def test_all_of_the_equations_at_once(name: str) -> None:
         np.testing.assert_allclose(alone.udot, point.udot[i], rtol=1e-10, atol=1e-12)
 
 
+@pytest.mark.parametrize("name", ["crank_rocker", "delta", "stewart"])
+def test_of_no_states_and_velocities_by_name(name: str) -> None:
+    mech = rg.load(name)
+    v = mech.lift(mech.home, np.full(mech.m, 0.3))
+    joints = [mech.joint(joint) for joint in mech.joint_names]
+    if all(joint.single for joint in joints):
+        named = {joint.name: float(v[joint.idx_v]) for joint in joints}
+        alike = rg.motion_point(mech, mech.home, named), rg.motion_point(mech, mech.home, v)
+        np.testing.assert_array_equal(alike[0].g, alike[1].g)
+    none = np.zeros((0, mech.nq)), np.zeros((0, mech.nv))
+    assert rg.motion_point(mech, *none).g.shape == (0, mech.nv)
+    for h, size in ((None, mech.m), (1e-3, 2 * mech.m)):
+        found = rg.by_parameters(mech, *none, parameters=["gravity.z", "gravity.x"], h=h)
+        assert found.shape == (0, size, 2)
+
+
 @pytest.mark.parametrize("name", ["crank-rocker", "delta", "stewart"])
 def test_many_states_are_each_as_one(name: str) -> None:
     mech, run = states(name, 5)
@@ -164,6 +180,7 @@ def test_many_states_are_each_as_one(name: str) -> None:
         for i in range(len(q)):
             one = call(*(part[i] for part in rows))
             np.testing.assert_allclose(many[i], one, rtol=1e-10, atol=1e-10, err_msg=what)
+        assert call(*(part[:0] for part in rows)).shape == (0, *many.shape[1:]), what
 
 
 class TestRefused:

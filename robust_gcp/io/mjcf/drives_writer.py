@@ -20,6 +20,10 @@ SCALE = 200.0
 """MuJoCo's default of a muscle's scale, which a force that is given does not use."""
 
 
+DEFAULT = [-1.0, -1.0]
+"""Two ends that say nothing: MuJoCo then takes the tendon's length in its first configuration."""
+
+
 class DrivesWriter:
     """Elements of tendons and actuators.
 
@@ -108,7 +112,8 @@ class DrivesWriter:
             made = self._tendon(spring.path)
         if made is not None:
             numbers = {"stiffness": [spring.stiffness], "damping": [spring.damping]}
-            numbers["springlength"] = [spring.lower, spring.upper]
+            ends = [float(spring.lower), float(spring.upper)]
+            numbers["springlength"] = ends if ends != DEFAULT else [np.nextafter(ends[0], -np.inf), ends[1]]
             for name, values in numbers.items():
                 made.set(name, text(values))
 
@@ -142,7 +147,7 @@ class DrivesWriter:
         limits = {
             "ctrl": actuator.ctrl_range,
             "force": actuator.force_range,
-            "act": actuator.activation_range,
+            "act": None if actuator.dynamics == "none" else actuator.activation_range,
         }
         for what, ends in limits.items():
             if ends is not None:

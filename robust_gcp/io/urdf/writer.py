@@ -32,7 +32,7 @@ KINDS = {
     PrismaticClosure: "prismatic",
     UniversalClosure: "universal",
 }
-WIDE = "1e9"
+WIDE = 1e9
 """What is written for a bound that there is not, rad, m, N m, N, rad/s and m/s."""
 
 
@@ -91,8 +91,9 @@ def _body(root: Element, parent: str, part: Part, follows: CouplingClosure | Non
         if sort in ("hinge", "slide"):
             SubElement(joint, "axis", xyz=text(axis))
         if kind in ("revolute", "prismatic"):
-            low, high = (f"-{WIDE}", WIDE) if part.range is None else map(repr, part.range)
-            SubElement(joint, "limit", lower=low, upper=high, effort=WIDE, velocity=WIDE)
+            low, high = (-WIDE, WIDE) if part.range is None else np.clip(part.range, -WIDE, WIDE).tolist()
+            ends = {"lower": repr(low), "upper": repr(high)}
+            SubElement(joint, "limit", ends, effort=repr(WIDE), velocity=repr(WIDE))
         dynamics: dict[str, str] = {}
         if part.stiffness:
             dynamics = {"spring_stiffness": repr(part.stiffness), "spring_reference": repr(part.rest)}

@@ -6,8 +6,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ...errors import ModelError
 from ..tree.tree import Array, Tree
 from .actuators import Actuator, clipped
+from .muscle import Range
 from .paths import Path
 
 ENDLESS = 1e300
@@ -28,6 +30,13 @@ class Actuation:
     paths : list of BoundPath
     low, high : ndarray (nv,)
         What all actuators of a joint do together at most: the model's effort limits, where they are finite.
+    sharing : tuple of (list of int, (float, float))
+        Actuators along one path of which the sum has a range.
+
+    Raises
+    ------
+    ModelError
+        For paths that are none in the tree, and actuators that give one path two such ranges.
     """
 
     def __init__(self, tree: Tree, actuators: Sequence[Actuator]) -> None:
@@ -37,11 +46,13 @@ class Actuation:
         self.high = np.where((high > 0.0) & (high < ENDLESS), high, np.inf)
         low = np.array(tree.model.lowerEffortLimit)
         self.low = np.where((low < 0.0) & (low > -ENDLESS), low, -np.inf)
-        sharing: dict[Path, list[int]] = {}
+        along: dict[Path, list[int]] = {}
         for i, actuator in enumerate(self.actuators):
-            if actuator.shared_range is not None:
-                sharing.setdefault(actuator.along, []).append(i)
-        self.sharing = tuple(sharing.values())
+            along.setdefault(actuator.along, []).append(i)
+        shared = [
+            (members, _shared_range([self.actuators[i] for i in members])) for members in along.values()
+        ]
+        self.sharing = tuple((members, ends) for members, ends in shared if ends is not None)
 
     def forces_at(self, q: Array, v: Array, u: Array) -> tuple[Array, Array]:
         """Forces (n,) and τ (nv,) for the controls or activations u (n,)."""
@@ -52,11 +63,20 @@ class Actuation:
             length, moment = path.length_at(q)
             moments.append(actuator.gear * moment)
             forces[i] = actuator.force(float(u[i]), actuator.gear * length, float(moments[i] @ v))
-        for group in self.sharing:
-            total, most = float(forces[group].sum()), self.actuators[group[0]].shared_range
+        for group, most in self.sharing:
+            total = float(forces[group].sum())
             if total != clipped(total, most):
                 forces[group] *= clipped(total, most) / total
         for i, actuator in enumerate(self.actuators):
             forces[i] = clipped(float(forces[i]), actuator.force_range)
             tau += forces[i] * moments[i]
         return forces, np.clip(tau, self.low, self.high)
+
+
+def _shared_range(actuators: list[Actuator]) -> Range | None:
+    """Of the sum of all actuators along one path."""
+    given = {actuator.shared_range: actuator.name for actuator in actuators if actuator.shared_range}
+    if len(given) > 1:
+        named = ", ".join(f"{name!r} {ends}" for ends, name in given.items())
+        raise ModelError(f"actuators along one path have one shared_range, not several: {named}")
+    return next(iter(given), None)

@@ -160,7 +160,7 @@ class Coordinates(ClosedLoops):
         places = zip(owners, iv, strict=True)
         return np.array([joint.idx_q + i - joint.idx_v for joint, i in places], dtype=np.int64)
 
-    @at_each
+    @at_each("nv", "m")
     def G(self, q: ArrayLike) -> Array:
         """∂γ/∂y at a closed q, (nv, m), or (N, nv, m) at many: v = G ẏ, with G = [I; −K_d⁻¹ K_i], Eq. (4).
 
@@ -182,7 +182,7 @@ class Coordinates(ClosedLoops):
             )
         return G
 
-    @at_each
+    @at_each("nv")
     def g(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Ġ ẏ at a closed q with K v = 0, (nv,): a = G ÿ + g, with g = [0; K_d⁻¹ k], Eq. (4).
 

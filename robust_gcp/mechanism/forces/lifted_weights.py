@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from ...checks import check_text, checked_vector, shown
 from ...errors import ModelError
 from ..frames import place_of
+from ..tree.columns import with_simple_joints
 from ..tree.tree import Array
 from ..tree.workspace import workspace
 from .forces import Force, require_number
@@ -57,8 +58,11 @@ class GravityCompensation(Force):
         return np.array(pin.computeGeneralizedGravity(model, workspace(model), q))
 
     def derivatives(self, mechanism: Mechanism, q: Vector, v: Vector) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v, (nv, nv) each, exact."""
-        model = self._lifted(mechanism)
+        """∂τ/∂q and ∂τ/∂v, (nv, nv) each, exact; a ModelError where there is an ellipsoid joint."""
+        simple = "lifted, by simple joints", self.weights
+        model = mechanism.memo.once(
+            simple, lambda: with_simple_joints(self._lifted(mechanism), mechanism.joints)
+        )
         by_q = np.array(pin.computeGeneralizedGravityDerivatives(model, workspace(model), q))
         return by_q, np.zeros_like(by_q)
 

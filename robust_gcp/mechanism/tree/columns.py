@@ -11,8 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from .joints import Joint, JointKind
-from .tree import Array
+from .joints import Array, Joint, JointKind
 
 
 class Columns:

@@ -15,6 +15,7 @@ from numpy.lib.stride_tricks import as_strided
 from numpy.typing import NDArray
 
 from ...errors import ModelError
+from .columns import with_simple_joints
 from .joints import Array as Array
 from .joints import Joint, in_v, joints_of
 from .workspace import workspace
@@ -120,12 +121,28 @@ class Tree(threading.local):
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
 
+    @cached_property
+    def _chain(self) -> tuple[pin.Model, pin.Data] | None:
+        """The tree by simple joints where some are not: Pinocchio leaves out how their subspaces turn."""
+        chain = with_simple_joints(self.model, self.joints)
+        return None if chain is self.model else (chain, workspace(chain))
+
     def jacobian_rates(self, q: Array, v: Array) -> None:
-        """Rates of the joint Jacobians at q (nq,) along v (nv,), besides what `jacobians` computes."""
+        """Rates of the joint Jacobians at q (nq,) along v (nv,), besides what `jacobians` computes.
+
+        Raises
+        ------
+        ModelError
+            For an ellipsoid joint, which is no chain of simple ones.
+        """
         self.placed = next(_placements)
         self.q, self.qdot = q, v
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         pin.updateFramePlacements(self.model, self.data)
+        if self._chain is not None:
+            model, data = self._chain
+            pin.computeJointJacobiansTimeVariation(model, data, q, v)
+            self.dJ[:] = data.dJ.reshape((6, self.nv), order="F").T
 
     def rnea(self, q: Array, v: Array, a: Array) -> Array:
         """M(q) a + C(q, v), (nv,), N or N m; leaves the joints' v and a in their views."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
+from ...kernel.description import follows_zones
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
 from ...kernel.simulation.guard import Watch
@@ -127,13 +128,15 @@ class BatchCharts:
 
         `watch` tells up to where these serve.
         """
-        c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit))
-        if c is None:
-            return None
         followed: ClusterMap | ClassicalMap | object = (
             explicit.rest if isinstance(explicit, GroupMap) else explicit
         )
         in_zone = isinstance(followed, ClusterMap) and followed.in_zone
+        if in_zone and not follows_zones(explicit.path):
+            return None
+        c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit))
+        if c is None:
+            return None
         trackers = followed.written() if isinstance(followed, ClusterMap) and in_zone else None
         return c, self._charts[c].standing_at(x, now, trackers, watch)
 

@@ -229,7 +229,11 @@ class BatchRows:
 
 
 def _key(start: Given) -> Any:
-    """What tells starts apart; nothing is equal to what is given by names."""
+    """What tells starts apart; nothing is equal to what is no array."""
     if any(isinstance(part, Mapping) for part in start):
         return object()
-    return tuple([None if part is None else np.asarray(part).tobytes() for part in start])
+    try:
+        given = [np.asarray(part) for part in start]
+    except ValueError:  # no table of numbers, as is told where it is read
+        return object()
+    return tuple((part.shape, part.dtype.str, part.tobytes()) for part in given)

@@ -12,6 +12,7 @@ from ...dynamics.loads import Torques
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from .accelerations import derivatives, forward_dynamics
+from .at_states import AtStates
 
 
 @dataclass(frozen=True)
@@ -63,7 +64,7 @@ def motion_point(
     check_mechanism(mechanism, Mechanism, "motion_point")
     found = derivatives(mechanism, q, v, tau, mode, t)
     G, by_tau, own = found.G, found.da_dtau, mechanism.iv_independent
-    u = np.zeros(found.udot.shape) if v is None else np.asarray(v, dtype=float)[..., own]
+    u = AtStates.of(mechanism, q, v, None).v[:, own].reshape(found.udot.shape)
     M_r = np.linalg.inv(by_tau[..., own])
     at_rest = forward_dynamics(mechanism, q, v, None, mode, t) if tau is not None else found.udot
     b = -np.einsum("...ij,...j->...i", M_r, at_rest)

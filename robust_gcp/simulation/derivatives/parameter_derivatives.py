@@ -70,6 +70,8 @@ def by_parameters(
     placements = [name for name in names if is_geometry(name)]
     others = [name for name in names if not is_geometry(name)]
     size = mechanism.m if h is None else 2 * mechanism.m
+    if not len(states):
+        return np.zeros((0, size, len(parts)))
     by: dict[str, Array] = {}
     if placements:
         by |= dict(zip(placements, np.moveaxis(_by_placements(states, placements, h, t), -1, 0), strict=True))

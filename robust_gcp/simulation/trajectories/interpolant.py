@@ -72,7 +72,7 @@ class Interpolant:
     def __call__(self, times: Array) -> tuple[Array, Array, Array]:
         """q (k, nq), v (k, nv) and a (k, nv) at k times, which must lie between the first and the last."""
         tree, last = self._tree, len(self._t) - 1
-        if last == 0:
+        if last == 0 or not len(times):
             same = np.zeros(len(times), dtype=np.int64)
             return self._q[same], self._v[same], self._a[same]
         i = np.clip(np.searchsorted(self._t, times, side="right") - 1, 0, last - 1)
