@@ -98,6 +98,32 @@ def test_a_joint_that_its_loop_holds_fast(tmp_path: Path) -> None:
     np.testing.assert_array_equal(there.q, here.q)
 
 
+def test_joints_that_turn_without_bounds(tmp_path: Path) -> None:
+    """Independent ones whose numbers in q are cosine and sine."""
+    model, body = pin.Model(), pin.Inertia.FromBox(1.0, 0.2, 0.3, 0.4)
+    at, joint = pin.SE3(np.eye(3), np.array([0.1, 0.2, 0.3])), 0
+    for i, kind in enumerate((pin.JointModelRUBY(), pin.JointModelRX(), pin.JointModelRUBZ())):
+        joint = model.addJoint(joint, kind, at, f"j{i}")
+        model.appendBodyToJoint(joint, body, at)
+    mech, v = rg.Mechanism.from_pinocchio(model), [0.3, 0.2, 0.1]
+    there = CMotion(Exported(mech.export(tmp_path / "free.rgcp"))).begin(mech.home, v).step(1e-3, 200)
+    here = rg.Simulation(mech, v0=v, keep="last").step(None, 200)
+    np.testing.assert_array_equal(there.q, here.q)
+
+
+def test_springs_along_tendons_have_no_derivatives(tmp_path: Path) -> None:
+    base = rg.load("five_bar")
+    spring = rg.TendonSpring(rg.FixedTendon({"q1": 1.0, "q3": 0.5}), 200.0, 0.0, 0.0, 3.0)
+    mech = rg.Mechanism.from_pinocchio(
+        base.model, base.closures, base.independent, base.home, forces=[spring]
+    )
+    motion = CMotion(Exported(mech.export(tmp_path / "sprung.rgcp"))).begin(mech.home)
+    udot = rg.forward_dynamics(mech, mech.home)
+    np.testing.assert_allclose(np.linalg.solve(*motion.reduced()), udot, rtol=1e-9)
+    with pytest.raises(StoppedError, match="springs along tendons"):
+        motion.derivatives()
+
+
 @pytest.mark.parametrize("name", ["rhombus", "parallelogram", "change_point"])
 @pytest.mark.parametrize("beside", [-6, -1, 0, 3])
 def test_beginning_beside_a_singular_place(name: str, beside: int) -> None:

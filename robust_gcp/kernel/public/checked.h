@@ -98,7 +98,7 @@ class Checked {
             if (within < n.v) {
                 const bool number = d.independent_q[k] == q + within && n.q == n.v;
                 if (!number && d.independent_q[k] != -1) bad("independent_q");
-                if (!number && n.v == 1) bad("independent_q");
+                if (!number && n.v == 1 && n.q == 1) bad("independent_q");
                 return;
             }
             q += n.q, v += n.v;

@@ -7,6 +7,7 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <numeric>
 #include <string>
 #include <vector>
 
@@ -91,16 +92,15 @@ class PublicMotion {
         std::int64_t none = 0;
         run(none);  // under what is held now
         reduced_inertia(c.of, c.other.path.chain, q.data(), G(), M);
-        for (int k = 0; k < m_; ++k) {
-            b[k] = 0.0;
-            for (int l = 0; l < m_; ++l) b[k] += M[k * m_ + l] * ydd[l];
-        }
+        for (int k = 0; k < m_; ++k) b[k] = std::inner_product(M + k * m_, M + (k + 1) * m_, ydd.begin(), 0.0);
         return RGCP_OK;
     }
 
     rgcp_status derivatives(const double* tau, double* acceleration, double* rows) {
         if (!begun_) return fail(RGCP_BAD_ARGUMENT, "nothing has begun: call rgcp_begin");
         PublicChart& c = *charts_[chart_];
+        for (std::int32_t i = 0; i < c.of.pulls; ++i)
+            if (c.of.pull_at[4 * i + 2] < 0) return fail(RGCP_NO_DERIVATIVES, "no derivatives of springs along tendons");
         if (c.derivation == nullptr) c.derivation.reset(new Derivation(c.of));
         std::int32_t status = DONE;
         States s{};
