@@ -11,6 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.examples.linkages import four_bar
 from robust_gcp.kernel.simulation import rows as kernel_rows
 from robust_gcp.simulation.batches import batch as batch_module
 
@@ -397,3 +398,31 @@ def test_rows_that_began_in_a_zone_cross_again(specialise: bool) -> None:
         one.step({"q1": 0.5}, 50)
         np.testing.assert_allclose(batch.q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-11)
     assert batch.crossings.tolist() == 2 * [len(one.crossings)] and len(one.crossings) > 1
+
+
+@pytest.mark.parametrize("each", [1, 7, 800])
+@pytest.mark.parametrize("by", [3e-2, 1e-3, -1e-4])
+def test_rows_go_back_before_a_miss_as_simulations_do(by: float, each: int) -> None:
+    """To where they were well conditioned, under the torques held since; saved states know of it too."""
+    mech = four_bar(1.0, 2.0 + by, 1.5, 1.5, y=1.0)
+    v, step, calls = mech.lift(mech.home, [4.0]), 1e-3, -(-800 // each)
+    torques = 0.5 * np.random.default_rng(6).normal(size=(calls, 2, mech.nv))
+    batch = rg.Batch(mech, 2, mech.home, v, step)
+    alone = [rg.Simulation(mech, mech.home, v, step) for _ in range(2)]
+    middle = None
+    for k, tau in enumerate(torques):
+        if k == calls // 2:
+            middle = batch.save()
+        batch.step(tau, each)
+        for i, simulation in enumerate(alone):
+            simulation.step(tau[i], each)
+    assert all(simulation.trajectory.stats.refined_steps > 0 for simulation in alone)
+    wanted = np.array([simulation.q for simulation in alone])
+    np.testing.assert_allclose(batch.q, wanted, rtol=0.0, atol=1e-8)
+    assert batch.crossings.tolist() == [len(simulation.crossings) for simulation in alone]
+    np.testing.assert_allclose(batch.t, alone[0].t, rtol=0.0, atol=1e-12)
+    if middle is not None:
+        batch.restore(middle)
+        for tau in torques[calls // 2 :]:
+            batch.step(tau, each)
+        np.testing.assert_allclose(batch.q, wanted, rtol=0.0, atol=1e-8)

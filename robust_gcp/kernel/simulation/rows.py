@@ -158,6 +158,11 @@ class MotionRows:
         point = self.point(i)
         return point.q, point.G.dot(point.ydot)
 
+    def conditioning(self, which: Which) -> Array:
+        """How K_d is conditioned where some rows are."""
+        found: Array = self._anchor[which, self.layout.size - 1]
+        return found
+
     def point(self, i: int) -> Point:
         """The point that a row is at."""
         return self.layout.point(self._anchor[i], self._origin[i])

@@ -266,7 +266,7 @@ class Batch:
         while n > 0:
             going = np.flatnonzero(self.status == 0)
             now = min(n, max(1, AT_ONCE // max(1, len(going) * self.mechanism.nv)))
-            for i, error in self._rows.advance(going, now, self._ctrl, self._pool):
+            for i, error in self._rows.advance(going, now, self._pool):
                 self.errors[i], self.status[i] = error, 1
             n -= now if len(going) else n
         if len(going):

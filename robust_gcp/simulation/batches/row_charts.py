@@ -102,6 +102,18 @@ class BatchCharts:
         """That of its mode, (nv, m)."""
         return self._charts[self.of[i]].point(i).G
 
+    def conditioning(self, which: Which) -> tuple[Which, Array]:
+        """Those of some rows that are here, and how K_d is conditioned there."""
+        of = self.of[which]
+        if len(self._charts) == 1 and of.min(initial=0) != NOWHERE:
+            return which, self._charts[0].conditioning(which)
+        here = which[of != NOWHERE]
+        found = np.empty(len(here))
+        for c in np.unique(self.of[here]).tolist():
+            chosen = self.of[here] == c
+            found[chosen] = self._charts[c].conditioning(here[chosen])
+        return here, found
+
     def told(self, i: int) -> None:
         """Write where a row is, as it begins."""
         self._state.q[i], self._state.v[i] = self._charts[self.of[i]].state_of(i)

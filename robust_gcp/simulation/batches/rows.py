@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -22,6 +22,7 @@ from ..runs.initial_state import Given
 from ..runs.stepped import SteppedRun
 from ..simulation import Simulation
 from .row_charts import NOWHERE, BatchCharts, Place, Which
+from .safe_rows import SafeRows
 
 Made = Callable[[Given, float, int, bool], Simulation]
 """A simulation of a row, from its start, time and number; quietly but for the first one."""
@@ -38,6 +39,7 @@ class Kept:
     before: Which
     places: dict[int, Place]
     simulations: dict[int, tuple[Simulation, Any]]
+    safe: SafeRows
 
 
 class BatchRows:
@@ -62,6 +64,7 @@ class BatchRows:
         self._alone: dict[int, Simulation] = {}
         self._last: tuple[Any, Place] | None = None  # a start that was found, for those that are the same
         self._begun = self._told = False
+        self._safe = SafeRows(state)
 
     def crossings(self) -> Which:
         """Singular places passed."""
@@ -100,31 +103,31 @@ class BatchRows:
         elif place is not None:
             self._charts.put(i, place)
             self._charts.told(i)
+        self._safe.begin(i)
         if self._charts.of[i] != NOWHERE:
             self._last = key, self._charts.where(i)
 
-    def advance(
-        self, which: Which, n: int, ctrl: Array | None, pool: ThreadPoolExecutor | None
-    ) -> Iterator[Failure]:
+    def advance(self, which: Which, n: int, pool: ThreadPoolExecutor | None) -> Iterator[Failure]:
         """So many steps of some rows; gives those that stopped."""
-        alone = which[self._charts.of[which] == NOWHERE].tolist()
+        there = self._charts.of[which] != NOWHERE
+        self._safe.hold(n, which[there])
         for i in self._charts.advance(which, n, pool):
-            left = int(self._state.left[i])
-            error = self._take_over(i) or (self._by_simulation(i, left, ctrl) if left else None)
+            error = self._take_over(i)
             if error is not None:
                 yield i, error
         yield from self._left_open(which)
-        for i in alone:
-            error = self._by_simulation(i, n, ctrl)
+        for i in which[~there].tolist():
+            error = self._by_simulation(i, [(n, self._state.held[i])])
             if error is not None:
                 yield i, error
+        self._safe.look(*self._charts.conditioning(which))
 
     def save(self) -> Kept:
         """Where all rows are."""
         there = np.flatnonzero(self._charts.of != NOWHERE).tolist()
         places = {i: self._charts.where(i) for i in there}
         simulations = {i: (simulation, simulation.save()) for i, simulation in self._alone.items()}
-        return Kept(self, self._state.copy(), self._before.copy(), places, simulations)
+        return Kept(self, self._state.copy(), self._before.copy(), places, simulations, self._safe.copy())
 
     def restore(self, kept: Any) -> bool:
         """Whether these rows went back to where they were when they were kept."""
@@ -132,6 +135,7 @@ class BatchRows:
             return False
         self._state.take(kept.state)
         self._before[:] = kept.before
+        self._safe.take(kept.safe)
         for i in range(len(self._before)):
             self._leave(i)
         for i, place in kept.places.items():
@@ -162,8 +166,12 @@ class BatchRows:
                 yield i, error
 
     def _take_over(self, i: int) -> RobustGcpError | None:
-        """A simulation goes on with a row that the kernel gave up; what it says where it cannot."""
+        """A simulation goes on with a row that the kernel gave up; what it says where it cannot.
+
+        From where the row was well conditioned last.
+        """
         state, tangent = self._state, self._charts.tangent(i)
+        steps = self._safe.back(i) or [(int(state.left[i]), state.held[i])]
         place = state.q[i].copy(), state.v[i].copy()
         self._leave(i)
         try:
@@ -174,21 +182,25 @@ class BatchRows:
         except RobustGcpError as error:
             return error
         self._before[i] = state.passed[i]
-        return None
+        return self._by_simulation(i, steps)
 
-    def _by_simulation(self, i: int, n: int, ctrl: Array | None) -> RobustGcpError | None:
-        """Steps of a row by its simulation; what it says where it stops."""
+    def _by_simulation(self, i: int, steps: Iterable[tuple[int, Array]]) -> RobustGcpError | None:
+        """Steps of a row by its simulation, under what is held; what it says where it stops."""
         state, simulation = self._state, self._alone[i]
-        tau, begun = state.held[i, : state.v.shape[1]], simulation.t
+        nv, begun = state.v.shape[1], simulation.t
         try:
-            simulation.step(tau, n, ctrl=None if ctrl is None else ctrl[i])
+            for n, held in steps:
+                begun, controls = simulation.t, held[nv:]
+                powered = len(controls) and not np.isnan(controls).any()
+                if n:
+                    simulation.step(held[:nv], n, ctrl=controls if powered else None)
+                state.at[i] += n
         except RobustGcpError as error:
             last = error.trajectory
             if last is not None and len(last.t):
                 state.q[i], state.v[i] = last.q[-1], last.v[-1]
                 state.at[i] += round((float(last.t[-1]) - begun) / state.step)
             return error
-        state.at[i] += n
         self._hand_back(i)
         return None
 
@@ -206,6 +218,7 @@ class BatchRows:
         state.passed[i] = self._before[i] + len(simulation.crossings)
         self._leave(i)
         self._charts.put(i, place)
+        self._safe.keep(np.array([i]))
 
     def _tell(self, simulation: Simulation) -> None:
         """Warn, once, where rows stay with simulations."""
