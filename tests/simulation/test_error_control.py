@@ -10,7 +10,7 @@ from scipy.integrate import solve_ivp
 
 import robust_gcp as rg
 from robust_gcp.examples.linkages import four_bar
-from robust_gcp.examples.six_bars import stephenson
+from robust_gcp.examples.six_bars import stephenson, watt
 from robust_gcp.examples.spatial import spherical_four_bar
 from robust_gcp.simulation.runs.error_control import RefinedRun
 from robust_gcp.simulation.runs.solver_rates import Following
@@ -229,3 +229,14 @@ def test_rounding_that_is_measured_beside_a_miss_loosens_no_later_step(backend: 
         assert found.stats.refined_steps > 0
         assert np.ptp(found.energy) < 1e-7
         np.testing.assert_allclose(found.q[-1], runs[0].q[-1], rtol=0, atol=1e-8)
+
+
+@pytest.mark.parametrize("backend", ["python", "native"])
+def test_error_control_outlasts_a_change_of_coordinates_on_the_way(backend: Any) -> None:
+    """In others that are poorly conditioned too: one step of RK4 between erred by 5e-5."""
+    mech = watt(2.532066288121126)
+    start = mech.home, mech.lift(mech.home, [5.42571033]), 0.4, 2e-3
+    found = rg.simulate(mech, *start, backend=backend)
+    truth = rg.simulate(mech, *start, stepper="DOP853", rtol=1e-11, atol=1e-12)
+    assert found.stats.repartitions and found.stats.refined_steps > 0
+    np.testing.assert_allclose(found.q, truth.q, rtol=0, atol=2e-9)

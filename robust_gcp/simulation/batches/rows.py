@@ -104,6 +104,7 @@ class BatchRows:
             self._charts.put(i, place)
             self._charts.told(i)
         self._safe.begin(i)
+        self._safe.look(*self._charts.conditioning(np.array([i])))
         if self._charts.of[i] != NOWHERE:
             self._last = key, self._charts.where(i)
 
@@ -181,7 +182,9 @@ class BatchRows:
                 self._alone[i] = self._made((*place, tangent), self._time(i), i, True)
         except RobustGcpError as error:
             return error
-        self._before[i] = state.passed[i]
+        self._before[i], run = state.passed[i], self._alone[i]._run
+        if isinstance(run, SteppedRun):
+            run.is_part(self._safe.best(i))
         return self._by_simulation(i, steps)
 
     def _by_simulation(self, i: int, steps: Iterable[tuple[int, Array]]) -> RobustGcpError | None:

@@ -77,6 +77,10 @@ class SafeRows:
             self._first += 1
         self._calls.append((n, self._state.held.copy()))
 
+    def best(self, i: int) -> float:
+        """The best conditioning of a row so far."""
+        return float(self._best[i])
+
     def back(self, i: int) -> Iterator[tuple[int, Array]] | None:
         """Put a row back; steps and what is to be held, one after the other. None where that is forgotten."""
         if self._since[i] < self._first:

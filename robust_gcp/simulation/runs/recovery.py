@@ -130,8 +130,8 @@ class Recovery:
         self.met_at, self._changed_at = self.met_at - n, self._changed_at - n
 
     def renewed(self, safe: Checkpoint) -> None:
-        """Within a step, that goes on in other coordinates: what was good in those before is nothing here."""
-        self.safe, self.best = safe, safe.point.conditioning
+        """With error control on the way, within a step too, it goes on in other coordinates."""
+        self.safe, self.best = safe, max(self.best, safe.point.conditioning)
 
     def through(self, safe: Checkpoint) -> None:
         """Steps of the kernel's came to a well-conditioned state, with error control or without."""
@@ -139,7 +139,13 @@ class Recovery:
         self.error_controlled = self.changing = False
 
     def changed(self, safe: Checkpoint) -> None:
-        """Go on in other coordinates from here."""
+        """Go on in other coordinates from here.
+
+        With error control, where it is on the way already and these are poorly conditioned too.
+        """
+        on_the_way = self.error_controlled and not self.changing
+        self.error_controlled = on_the_way and safe.point.conditioning < POOR
+        if not self.error_controlled:
+            self.best = 0.0  # what was good in the coordinates before is nothing here
         self.renewed(safe)
-        self._changed_at = safe.i
-        self.error_controlled = self.changing = False
+        self._changed_at, self.changing = safe.i, False
