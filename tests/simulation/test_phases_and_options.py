@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.examples.linkages import four_bar
 
 from .machines import BACKENDS, pendulum, require_backend, require_sound, sliders, times_of
 
@@ -125,3 +126,19 @@ def test_no_parts_are_a_plain_run() -> None:
     none = rg.simulate(mech, mech.home, [0.0] * 3, 0.2, 0.01, joints=[])
     assert np.array_equal(none.q, plain.q) and none.dissipated is None and none.stats.rhs == plain.stats.rhs
     rg.simulate(mech, mech.home, [0.0] * 3, 0.2, stepper="DOP853", joints=[])
+
+
+@pytest.mark.parametrize("step", [1e-3, 2e-3])
+@pytest.mark.parametrize("by", [1e-2, 1e-3, -1e-3])
+def test_error_control_outlasts_a_phase(by: float, step: float, backend: Any) -> None:
+    """Beside a miss, where a joint turns back, friction without energy changes no motion but by rounding.
+
+    Phases begin in the user's coordinates, and these lose some digits there: to 1e-5 before.
+    """
+    mech = four_bar(1.0, 2.0 + by, 1.5, 1.5, y=1.0)
+    start = mech.home, mech.lift(mech.home, [4.0]), 0.9, step
+    truth = rg.simulate(mech, *start, stepper="DOP853", rtol=1e-11, atol=1e-13)
+    rubbed = rg.simulate(mech, *start, joints=[rg.JointFriction("q1", 1e-11)], backend=backend)
+    assert (len(rubbed.happenings) > 0) == (by > 0.0)
+    assert rubbed.stats.refined_steps > 0
+    np.testing.assert_allclose(rubbed.q[-1], truth.q[-1], rtol=0, atol=5e-7)

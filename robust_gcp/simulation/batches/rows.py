@@ -184,7 +184,7 @@ class BatchRows:
             return error
         self._before[i], run = state.passed[i], self._alone[i]._run
         if isinstance(run, SteppedRun):
-            run.is_part(self._safe.best(i))
+            run.goes_on((self._safe.best(i), False))
         return self._by_simulation(i, steps)
 
     def _by_simulation(self, i: int, steps: Iterable[tuple[int, Array]]) -> RobustGcpError | None:

@@ -34,6 +34,7 @@ from .sliding import Sliding
 
 if TYPE_CHECKING:
     from ..runs.course import Course
+    from ..runs.error_control import Before
 
 
 Held = tuple[tuple[MovingCoupling, ...], Mechanism]
@@ -70,6 +71,7 @@ class Machines:
         self._function = torque_function(self.rows.mechanism, self.torque)
         self._held: dict[tuple[int, ...], Held] = {}
         self.checked = True
+        self.before: tuple[Mechanism, Before] | None = None  # of the leg that was taken last
         self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
         if self.held is not None and self.bounds.vary:
             raise OptionError(

@@ -119,7 +119,7 @@ class Leg:
     ) -> None:  # fmt: skip
         span = float(times[-1] - times[0])
         self._plan = plan = replace(plan, schedule=Schedule.every(times), duration=span, record=("a", "tau"))
-        self._begun, self.times = time.perf_counter(), times
+        self._begun, self.times, self._machines = time.perf_counter(), times, machines
         self._held = torque.value if isinstance(torque, HeldTorque) else None
         self._stability: StabilityCheck | None = None
         held = isinstance(torque, HeldTorque)
@@ -134,6 +134,9 @@ class Leg:
             self._stability.before(self._motion, rates_at(native, self._motion))
         self._native = native
         self._run = self._made(self._motion, torque, native, counters)
+        before = machines.before
+        if before is not None and before[0] is plan.mechanism:
+            self._run.goes_on(before[1])
 
     def _made(
         self,
@@ -175,6 +178,7 @@ class Leg:
         except (SimulationError, ClosureError) as error:
             return error
         finally:
+            self._machines.before = self._plan.mechanism, self._run.before
             if self._stability is not None and n:
                 self._stability.after(self._motion)
                 self._stability = None

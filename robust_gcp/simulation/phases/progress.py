@@ -202,7 +202,7 @@ class Progress:
         torque = None if held is None else held.value
         return parts | {
             "_phase": copy.deepcopy(self._phase), "joined": self.joined.copied(),
-            "events": self._events.copied(), "torque": torque,
+            "events": self._events.copied(), "torque": torque, "before": self._machines.before,
         }  # fmt: skip
 
     def put_back(self, parts: dict[str, Any]) -> None:
@@ -211,7 +211,7 @@ class Progress:
         for name in SAVED:
             setattr(self, name, parts[name])
         self._phase, self.joined = copy.deepcopy(parts["_phase"]), parts["joined"].copied()
-        self._events = parts["events"].copied()
+        self._events, self._machines.before = parts["events"].copied(), parts["before"]
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
         self._machine = None if self._fresh else self._machines.of(self._phase, self._q)

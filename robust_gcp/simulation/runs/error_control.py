@@ -34,6 +34,9 @@ REFINED_RTOL, REFINED_ATOL = 1e-10, 1e-12
 REFINED_EFFORT = 5_000
 """Right-hand sides that one such step may take."""
 
+Before = tuple[float, bool]
+"""The best conditioning of a motion so far, and whether its steps were taken with error control at last."""
+
 MANY = 5
 """Steps with error control within one of the run's, after so many of which ẋ's rounding is measured."""
 
@@ -61,6 +64,15 @@ class RefinedRun(Run):
         self._behind: Array = self._x  # the state before the last step
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
         self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
+
+    @property
+    def before(self) -> Before:
+        """What another run that goes on from here is to know."""
+        return self._recovery.best, self._recovery.error_controlled
+
+    def goes_on(self, before: Before) -> None:
+        """It is a part of a motion, and begins where another one ended."""
+        self._recovery.best, self._recovery.error_controlled = max(self._recovery.best, before[0]), before[1]
 
     def _looked_for(self, i: int) -> bool:
         """Whether outputs or events may lie within the step that ends at time i."""

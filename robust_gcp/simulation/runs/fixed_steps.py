@@ -58,10 +58,6 @@ class FixedRun(RefinedRun):
         i, self.paused = self._record.at, False
         self.advance(max(i, 0), max(i, 0) + n, None if i < 0 else self._last)
 
-    def is_part(self, best: float) -> None:
-        """It goes on with a motion that was conditioned so well before."""
-        self._recovery.best = max(self._recovery.best, best)
-
     @property
     def record(self) -> Record:
         """What is recorded so far."""

@@ -121,7 +121,7 @@ class Recovery:
         known = self.changing or not isinstance(stop, ToggleError)  # else told only now what it is
         if not self.error_controlled or not self._may_change or (known and self.safe.i <= self._changed_at):
             raise stop
-        self.error_controlled = self.changing = not known
+        self.error_controlled, self.changing = True, not known
         return known
 
     def shift(self, n: int) -> None:
