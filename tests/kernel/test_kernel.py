@@ -460,11 +460,11 @@ def test_millions_of_steps_in_constant_memory(batches: int) -> None:
     found = library()
     assert found is not None
     workspace = Workspace(found, mechanism, start.path)
-    n, every = 100_000, 1000
-    outputs = Outputs(np.zeros((100, 3)), np.zeros((100, 3)), energy=np.zeros(100))
+    n = 100_000
+    outputs = Outputs(np.zeros((n, 3)), np.zeros((n, 3)), energy=np.zeros(n))
     times, peak = 1e-3 * np.arange(n + 1), []
     for _ in range(batches):
-        batch = workspace.run(times, x, now, outputs, 0.05, every=every)
+        batch = workspace.run(times, x, now, outputs, 0.05)
         assert batch.steps == n
         x, now = batch.x, batch.now
         peak.append(_resident())

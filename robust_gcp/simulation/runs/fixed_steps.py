@@ -97,7 +97,7 @@ class FixedRun(RefinedRun):
                 if known is None:
                     if self._last is not None:
                         self._cross(i, float(self.times[i]), now)
-                        if not inside:
+                        if not inside and self._looked_for(i):
                             self._look_within(i, End.of(self._last, self._behind), now)
                         if self._ended:
                             return
