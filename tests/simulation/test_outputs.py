@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 import robust_gcp as rg
 from robust_gcp import printing
 from robust_gcp.dynamics.equations import EquationsOfMotion
+from robust_gcp.examples.families import four_bars
 from robust_gcp.simulation.runs.schedule import SAME, Schedule
 
 from ..compiled import needs_kernel
@@ -74,6 +75,22 @@ def test_outputs_within_steps_are_the_kernels(name: str, more: dict[str, Any], m
             np.testing.assert_allclose(one, other, rtol=0.0, atol=scale, err_msg=column)
     assert found.closure_error().max() < 1e-14
     np.testing.assert_allclose(found.q[-1], plain.q[-1], rtol=0.0, atol=0.0 if name != "rhombus" else 1e-15)
+
+
+@pytest.mark.parametrize("more", [{}, {"hold": True}, {"events": lambda t, q, v: float(np.sin(40.0 * t))}])
+def test_all_outputs_are_there_on_a_floating_base(more: dict[str, Any], backend: Any) -> None:
+    """The last one too, at the end of a step that has others within."""
+    body = pin.Inertia(5.0, np.zeros(3), np.diag([1.0, 1.2, 0.9]))
+    mech = four_bars([(1.0, 2.0, 1.5, 1.5)], [1.2], floating=body)
+    if "hold" in more:
+        more = more | {"torque": lambda t, q, v: -0.1 * v}
+    start = mech.home, mech.lift(mech.home, 0.5 + np.arange(mech.m)), 0.05, 1e-3
+    asked = np.append(np.sort(np.random.default_rng(2).uniform(0.0, 0.05, 200)), 0.05)
+    found = rg.simulate(mech, *start, outputs=asked, record=("a", "energy"), backend=backend, **more)
+    plain = rg.simulate(mech, *start, record=("a", "energy"), backend=backend, **more)
+    np.testing.assert_array_equal(found.t, asked)
+    for column in ("q", "v", "a", "energy"):
+        np.testing.assert_allclose(getattr(found, column)[-1], getattr(plain, column)[-1], rtol=0, atol=1e-13)
 
 
 def test_the_error_between_steps_is_the_steppers(backend: Any) -> None:

@@ -101,13 +101,13 @@ class Record:
             self.work[row] = x[-1]
         if self._drive is not None:
             self._drive[row] = now.drive
-        self.count = row + 1
+        self.count = max(self.count, row + 1)  # the end of a step may be there before what lies within
 
     def end(self, t: float, now: Evaluation, x: Array) -> None:
         """The run ends at time t, before its outputs do: keep the state there as the last."""
         before = int(np.searchsorted(self._t[: self.count], t))
         self._room(1)
-        self._t = np.append(self._t[:before], t)
+        self._t, self.count = np.append(self._t[:before], t), before
         self.keep(before, now, x)
         self._crossings = [c for c in self._crossings if c.time <= t]
 
