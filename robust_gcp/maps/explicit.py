@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
 from ..mechanism.tree.tree import Array
 
@@ -190,6 +190,11 @@ class ExplicitMap(Protocol):
         """What solves on regular ground."""
         ...
 
+    @property
+    def rest(self) -> ExplicitMap:
+        """The map without joints on groups."""
+        ...
+
     def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y, or an error that says why there is none."""
         ...
@@ -232,8 +237,16 @@ class _OnPath(Protocol):
     def path(self) -> RegularPath: ...
 
 
+Own = TypeVar("Own")
+
+
 class Charted:
     """The part of a map that its regular path answers for: charts of joints in loops."""
+
+    @property
+    def rest(self: Own) -> Own:
+        """Itself: there are no joints on groups."""
+        return self
 
     def rate(self: _OnPath, point: Point) -> Array:
         """See `ExplicitMap.rate`."""

@@ -16,7 +16,7 @@ from robust_gcp.maps.cluster.patch_builder import NODES
 from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.cluster.tracker_numbers import read, written
 from robust_gcp.maps.four_bar import FourBar
-from robust_gcp.simulation.runs.crossings import map_of_rest, point_of_rest
+from robust_gcp.simulation.runs.crossings import point_of_rest
 
 from ..compiled import needs_kernel
 
@@ -135,7 +135,7 @@ def on_a_bridge(name: str) -> rg.Simulation:
     for _ in range(400):
         run = sim.step()._run
         run.settle()
-        explicit = map_of_rest(run._motion.explicit)
+        explicit = run._motion.explicit.rest
         if explicit.in_zone and any(t.current is not None for t in read_back(explicit)):
             return sim
     raise AssertionError("no bridge was met")
@@ -154,7 +154,7 @@ def read_back(explicit: ClusterMap) -> list[Any]:
 def test_trackers_pass_between_the_backends(name: str) -> None:
     """As plain numbers and back they are the same; Python goes on where the kernel was, on its bridge."""
     sim = on_a_bridge(name)
-    explicit = map_of_rest(sim._run._motion.explicit)
+    explicit = sim._run._motion.explicit.rest
     numbers = explicit.written()
     again_written = written(read_back(explicit))
     np.testing.assert_allclose(again_written[:-1], numbers[:-1], rtol=1e-12, atol=1e-12)

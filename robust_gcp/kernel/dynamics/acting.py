@@ -178,7 +178,7 @@ class Acting:
             self._request.torque = self._callback
 
     def failure(self) -> BaseException | None:
-        """What a function or a force raised since `listen`; None where that is not why the kernel stopped."""
+        """What the user's functions raised since `listen`, or stopped the kernel by; None for nothing."""
         if self.raised:
             return self.raised[0]
         stopped = self._request.reason == Reason.TORQUE  # between two lines of the generator
@@ -192,13 +192,11 @@ class Acting:
 
 
 def answering(answer: Callable[[float], bool | None], raised: list[BaseException]) -> Any:
-    """A callback that has a time answered and gives 0; 1 where that says so, and after an exception.
+    """A callback that has a time answered and gives 0; 1 where the answer is True, and after an exception.
 
-    Which cannot pass through C++.
-
-    A signal that arrives while the kernel works is handled by the first Python that runs after it.
-    In a function that would be its entry, outside any `try`, and ctypes would swallow what the
-    handler raises. A generator is resumed inside its `try`.
+    An exception cannot pass through C++. A signal that arrives while the kernel works is handled by the
+    first Python that runs after it. In a function that would be its entry, outside any `try`, and ctypes
+    would swallow what the handler raises. A generator is resumed inside its `try`.
     """
     answers = _answers(answer, raised)
     next(answers)

@@ -223,11 +223,8 @@ class NativeSteps:
 
     def _at(self, explicit: KernelMap) -> tuple[Workspace | None, Callable[[], Array] | None]:
         """The workspace where a map is, None where the kernel cannot go on there; and trackers in a zone."""
-        followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
-        trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
-        if trackers is not None and not follows_zones(followed.path):
-            return None, None
-        return self.prepare(whole_of(explicit), explicit.path), trackers
+        there, trackers = zone_of(explicit)
+        return (self.prepare(whole_of(explicit), explicit.path), trackers) if there else (None, None)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""
@@ -245,9 +242,16 @@ def whole_of(explicit: KernelMap) -> Mechanism:
     return explicit.groups.mechanism if isinstance(explicit, GroupMap) else explicit.path.mechanism
 
 
+def zone_of(explicit: KernelMap) -> tuple[bool, Callable[[], Array] | None]:
+    """Whether the kernel follows what is where a map is; and, in a zone, the trackers there."""
+    followed = explicit.rest
+    trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
+    return trackers is None or follows_zones(followed.path), trackers
+
+
 def limits_of(explicit: KernelMap) -> tuple[BridgeOptions | None, float]:
     """The choices of the bridges, and the conditioning at which the regular path ends."""
-    followed = explicit.rest if isinstance(explicit, GroupMap) else explicit
+    followed = explicit.rest
     if isinstance(followed, ClusterMap):
         return followed.options, followed.options.zone
     return None, DIGITS_LOST

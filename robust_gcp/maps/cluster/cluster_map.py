@@ -250,10 +250,8 @@ class ClusterMap(Charted):
         ClosureError
             Where others are left open: the mechanism has not the mobility that y claims.
         """
-        if self.mechanism.nc > self.path.nd:
-            self.counters.constraint_evaluations += 1
-            allowed = max(LEFT_OPEN, self.options.largest_gap)
-            self.mechanism.require_closed(q, allowed, when)
+        self.counters.constraint_evaluations += 1
+        self.mechanism.require_closed(q, max(LEFT_OPEN, self.options.largest_gap), when)
 
     def refusal(self) -> SimulationError:
         """The error to stop with where the present place cannot be passed."""

@@ -10,19 +10,15 @@ from numpy.typing import NDArray
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...kernel.description import follows_zones
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
 from ...kernel.simulation.guard import Watch
 from ...kernel.simulation.row_state import RowState, Standing
 from ...kernel.simulation.rows import MotionRows
-from ...kernel.simulation.steps import KernelMap, limits_of, whole_of
+from ...kernel.simulation.steps import KernelMap, limits_of, whole_of, zone_of
 from ...kernel.structures import Reason
-from ...maps.classical import ClassicalMap
-from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.cluster.options import BridgeOptions
 from ...maps.explicit import Counters
-from ...maps.grouped import GroupMap
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -107,10 +103,10 @@ class BatchCharts:
         of = self.of[which]
         if len(self._charts) == 1 and of.min(initial=0) != NOWHERE:
             return which, self._charts[0].conditioning(which)
-        here = which[of != NOWHERE]
+        here, of = which[of != NOWHERE], of[of != NOWHERE]
         found = np.empty(len(here))
-        for c in np.unique(self.of[here]).tolist():
-            chosen = self.of[here] == c
+        for c in np.unique(of).tolist():
+            chosen = of == c
             found[chosen] = self._charts[c].conditioning(here[chosen])
         return here, found
 
@@ -140,17 +136,11 @@ class BatchCharts:
 
         `watch` tells up to where these serve.
         """
-        followed: ClusterMap | ClassicalMap | object = (
-            explicit.rest if isinstance(explicit, GroupMap) else explicit
-        )
-        in_zone = isinstance(followed, ClusterMap) and followed.in_zone
-        if in_zone and not follows_zones(explicit.path):
-            return None
-        c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit))
+        there, trackers = zone_of(explicit)
+        c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit)) if there else None
         if c is None:
             return None
-        trackers = followed.written() if isinstance(followed, ClusterMap) and in_zone else None
-        return c, self._charts[c].standing_at(x, now, trackers, watch)
+        return c, self._charts[c].standing_at(x, now, None if trackers is None else trackers(), watch)
 
     # --------------------------------------------------------------------- coordinates
 

@@ -14,7 +14,7 @@ import numpy as np
 from ...kernel.simulation.row_state import RowState, Which
 from ...maps.cluster.regular_ground import POOR
 from ...mechanism.tree.tree import Array
-from ..runs.recovery import GOOD, LEAST
+from ..runs.recovery import good_from
 
 MOST = 1000
 """Calls that are remembered: a row that is poorly conditioned for longer goes on from where it is."""
@@ -61,14 +61,14 @@ class SafeRows:
         self._since[which] = self._first + len(self._calls)
 
     def look(self, which: Which, conditioning: Array) -> None:
-        """The same for those of some rows that are well conditioned; see `Recovery.accept`."""
+        """The same for those of some rows that are well conditioned."""
         best = self._best[which] = np.maximum(self._best[which], conditioning)
         if len(which) == len(self._best) and conditioning.min() >= POOR:
             self._first += len(self._calls)
             self._calls.clear()
             self.keep(slice(None))
             return
-        self.keep(which[conditioning >= np.where(best >= POOR, POOR, np.maximum(LEAST, GOOD * best))])
+        self.keep(which[conditioning >= good_from(best)])
 
     def hold(self, n: int, rows: Which) -> None:
         """What is held now, over n steps of some rows, is remembered as long as one of them may need it."""

@@ -20,11 +20,6 @@ from ...mechanism.tree.tree import Array
 from ..trajectories.interpolant import Interpolant
 
 
-def map_of_rest(explicit: ExplicitMap) -> ExplicitMap:
-    """The explicit map without joints on groups."""
-    return explicit.rest if isinstance(explicit, GroupMap) else explicit
-
-
 def point_of_rest(point: Point) -> Point:
     """The point without joints on groups."""
     return point.rest if isinstance(point, GroupPoint) else point
@@ -42,7 +37,7 @@ def numbers(explicit: ExplicitMap, y: Array) -> Array:
 
 def coordinates(explicit: ExplicitMap, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:
     """y in the present chart and u of a configuration and its velocity."""
-    rest, u = map_of_rest(explicit), v[mechanism.iv_independent]
+    rest, u = explicit.rest, v[mechanism.iv_independent]
     own = rest.path.y_of(rest.anchor, q_of_rest(explicit, q))
     if not isinstance(explicit, GroupMap):
         return own, u
@@ -67,12 +62,12 @@ def stretch_between(
 
     In charts by the motion on the group that these determine, as there ẏ are not the velocities.
     """
-    if not map_of_rest(explicit).path.mechanism.chart_joints:
+    if not explicit.rest.path.mechanism.chart_joints:
         points = ((point.y, point.ydot, ydd) for point, ydd in ends)
         return hermite(*times, *([numbers(explicit, part) for part in end] for end in points))
     states = [motion_at(point, ydd) for point, ydd in ends]
     between = Interpolant(mechanism.tree, np.array(times), *map(np.array, zip(*states, strict=True)))
-    path, here = map_of_rest(explicit).path, point_of_rest(ends[0][0])
+    path, here = explicit.rest.path, point_of_rest(ends[0][0])
 
     def y(t: float) -> Array:
         return path.y_of(here, q_of_rest(explicit, between(np.array([t]))[0][0]))

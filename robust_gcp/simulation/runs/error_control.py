@@ -119,22 +119,17 @@ class RefinedRun(Run):
         return x
 
     def _look_inside(self, i: int, step: SolverStep) -> bool:
-        """Keep outputs and events of a part of the step to time i; whether one ended the run.
-
-        The map is put back to where the part ends.
-        """
+        """Keep outputs and events of a part of the step to time i; whether one ended the run."""
         rows = [row for row in self._schedule.within(i) if step.t0 < self._schedule.outputs[row] <= step.t1]
         if not rows and not self._events:
             return False
         assert self._following is not None and self._following.kept is not None  # at the end of the part
-        now, explicit = self._following.kept, self._motion.explicit
-        within = DenseStep(explicit, self._motion.mechanism.m, step)
+        now = self._following.kept
+        within = DenseStep(self._motion.explicit, self._motion.mechanism.m, step)
         zeros = self._events.zeros(now.point.q, now.v, within) if self._events else []
         if zeros and zeros[-1].ends:
             self._cross(i, step.t1, now)
-        if rows or zeros:
-            self._keep_within(rows, within, zeros)
-            explicit.point_at(now.point.y, now.point.ydot)
+        self._keep_within(rows, within, zeros, now)
         return self._ended
 
     def _count_refined(self, i: int, steps: int) -> None:

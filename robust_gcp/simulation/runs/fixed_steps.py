@@ -188,11 +188,11 @@ class FixedRun(RefinedRun):
             if batch.failure is not None:
                 raise batch.failure
             self.paused = batch.reason is Reason.MET
-            if batch.steps == 1 and (self._events.pending or not self._schedule.plain):
-                self._look_into(i, End.of(begun, self._behind), batch.outputs)
-            elif self._events.pending:
-                row = End.of_row(self._motion.mechanism, batch.outputs, batch.steps - 2)
-                self._look_into(i, row, batch.outputs)
+            if self._events.pending or (batch.steps == 1 and not self._schedule.plain):
+                before = End.of(begun, self._behind)
+                if batch.steps > 1:
+                    before = End.of_row(self._motion.mechanism, batch.outputs, batch.steps - 2)
+                self._look_into(i, before, batch.outputs)
             if self._ended:
                 break
             if i < last and not self.paused and self._suspicious(now.point) and self._changed(i, now.point):
@@ -252,22 +252,14 @@ class FixedRun(RefinedRun):
         self._look_within(i, before, now, told=rows.within is not None)
 
     def _look_within(self, i: int, before: End, now: Evaluation, told: bool = False) -> None:
-        """Keep outputs and events within the step that ends at time i, which the map is put back to.
-
-        With `told` the outputs are kept already.
-        """
+        """Keep outputs and events within the step that ends at time i; `told`: outputs are kept already."""
         rows = [] if told else self._schedule.within(i)
         if not self._events and not rows:
             return
         times = float(self.times[i - 1]), float(self.times[i])
-        explicit, mechanism = self._motion.explicit, self._motion.mechanism
-        step = FixedStep(mechanism, explicit, times, before, End.of(now, self._x))
+        step = FixedStep(self._motion.mechanism, self._motion.explicit, times, before, End.of(now, self._x))
         zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
-        if not zeros and not rows:
-            return  # with the map where it was
-        self._keep_within(rows, step, zeros)
-        if not self._ended:
-            explicit.point_at(now.point.y, now.point.ydot)
+        self._keep_within(rows, step, zeros, now)
 
     def _kernel_map(self) -> KernelMap:
         explicit = self._motion.explicit

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from ...dynamics.prescribed.drive import Drive
 from ...errors import SimulationError, ToggleError
 from ...maps.cluster.obstacles import ObstacleError
@@ -57,6 +59,12 @@ LEAST = 0.05
 """Conditioning below which none is."""
 
 
+def good_from(best: Array) -> Array:
+    """The conditioning from which outputs are good ones, of motions that came to `best`."""
+    found: Array = np.where(best >= POOR, POOR, np.maximum(LEAST, GOOD * best))
+    return found
+
+
 class Recovery:
     """Remembers where it is safe to return to, and decides how to go on from there.
 
@@ -77,8 +85,8 @@ class Recovery:
     safe : Checkpoint
         The last well-conditioned state.
     best : float
-        The largest conditioning of an output in the present coordinates: links that are never conditioned
-        above `POOR` are not taken with error control all the way.
+        The largest conditioning of an output in the present coordinates, and in those before where error
+        control goes on: links that are never conditioned above `POOR` are not taken with it all the way.
     error_controlled, changing : bool
     met_at : int
         Output on the way to which the last obstacle was met.
@@ -94,7 +102,7 @@ class Recovery:
     def accept(self, i: int, x: Array, point: Point) -> None:
         """Take note of an output."""
         self.best = max(self.best, point.conditioning)
-        good = point.conditioning >= (POOR if self.best >= POOR else max(LEAST, GOOD * self.best))
+        good = bool(point.conditioning >= good_from(np.asarray(self.best)))
         self.error_controlled = self.error_controlled and not (good and i > self.met_at)
         self.changing = self.changing and self.error_controlled
         if good and not self.error_controlled:

@@ -25,7 +25,7 @@ from ..events import Event, Events, Zero
 from ..trajectories.acted import Acted, controls_along
 from ..trajectories.trajectory import Trajectory
 from .coordinates import Coordinates, in_coordinates
-from .crossings import map_of_rest, q_of_rest
+from .crossings import q_of_rest
 from .record import Record
 from .recovery import Checkpoint
 from .schedule import ALL, Keep, Schedule
@@ -134,8 +134,13 @@ class Run:
 
     # --------------------------------------------------------------------- within a step
 
-    def _keep_within(self, rows: Sequence[int], step: FixedStep | DenseStep, zeros: Sequence[Zero]) -> None:
-        """Keep what lies within a step: outputs in `rows`, and events up to one that ends the run."""
+    def _keep_within(
+        self, rows: Sequence[int], step: FixedStep | DenseStep, zeros: Sequence[Zero], now: Evaluation
+    ) -> None:
+        """Keep what lies within a step: outputs in `rows`, and events up to one that ends the run.
+
+        The map is put back to the step's end, where the evaluation is, if it was asked and the run goes on.
+        """
         waiting = list(zeros)
         for row in rows:
             t = float(self._schedule.outputs[row])
@@ -147,6 +152,8 @@ class Run:
             self._record.keep(row, self._motion.equations.evaluate(t, x), x)
         for zero in waiting:
             self._keep_zero(zero, step)
+        if (rows or zeros) and not self._ended:
+            self._motion.explicit.point_at(now.point.y, now.point.ydot)
 
     def _keep_zero(self, zero: Zero, step: FixedStep | DenseStep) -> None:
         """Keep an event; where it ends the run, the state there too."""
@@ -163,7 +170,7 @@ class Run:
     # --------------------------------------------------------------------- changes of coordinates
 
     def _cluster_map(self) -> ClusterMap:
-        explicit = map_of_rest(self._motion.explicit)
+        explicit = self._motion.explicit.rest
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
         return explicit
 
@@ -254,13 +261,13 @@ class Run:
     @property
     def _redundant(self) -> bool:
         """Whether rows of φ may be left open that do not determine the dependent joints."""
-        path = map_of_rest(self._motion.explicit).path
+        path = self._motion.explicit.path
         return path.mechanism.nc > path.nd
 
     def _watch(self, q: Array, i: int) -> None:
         """Refuse to go on where rows of φ are left open."""
-        explicit, rest = self._motion.explicit, map_of_rest(self._motion.explicit)
-        if isinstance(rest, ClusterMap):
+        explicit, rest = self._motion.explicit, self._motion.explicit.rest
+        if self._redundant and isinstance(rest, ClusterMap):
             rest.require_closed(q_of_rest(explicit, q), f"at t = {self.times[i]:.6g} s")
 
     def _report(self, i: int) -> None:

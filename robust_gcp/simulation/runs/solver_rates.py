@@ -15,7 +15,7 @@ from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
 from .coordinates import Coordinates
-from .crossings import map_of_rest, numbers, point_of_rest
+from .crossings import numbers, point_of_rest
 from .steppers import RefusedTrialError, SolverStep
 
 
@@ -110,7 +110,7 @@ class Following:
         """What rounding costs of G where there is no bridge, see `apex.rounding`."""
         if self._rates is not None:
             return self._rates.rounding()
-        rest = map_of_rest(self._motion.explicit)
+        rest = self._motion.explicit.rest
         return rest.rounding() if isinstance(rest, ClusterMap) else (0.0, 0.0, np.inf)
 
     def share(self) -> None:
@@ -142,7 +142,7 @@ class Following:
         if self.kept is None:
             return
         explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
-        rest, last = map_of_rest(explicit), point_of_rest(self.kept.point)
+        rest, last = explicit.rest, point_of_rest(self.kept.point)
         y = numbers(explicit, y)
         if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
             rest.anchor = last
@@ -159,7 +159,7 @@ class Following:
     def _why(self, t: float, x: Array) -> SimulationError:
         self(t, x)  # raises what Python finds there
         self._fall_back()  # else the map is told where that is
-        rest = map_of_rest(self._motion.explicit)
+        rest = self._motion.explicit.rest
         assert isinstance(rest, ClusterMap)  # no other is followed where K_d is poor
         return rest.refusal()
 
@@ -174,7 +174,7 @@ class Following:
             now = self._motion.equations.evaluate(t, x)
         except SimulationError:  # at a trial: the map goes back to where the step began
             if self.kept is not None:
-                map_of_rest(self._motion.explicit).anchor = point_of_rest(self.kept.point)
+                self._motion.explicit.rest.anchor = point_of_rest(self.kept.point)
             raise
         if self.kept is None:  # where the solver begins
             self.kept = now
@@ -190,7 +190,7 @@ class Following:
         explicit = self._motion.explicit
         if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
             return
-        rest = map_of_rest(explicit)
+        rest = explicit.rest
         if isinstance(rest, ClusterMap) and rest.met:  # what was met is looked at first
             return
         watch = None if self._coordinates is None else self._coordinates.watch
