@@ -88,7 +88,6 @@ class EquationsOfMotion:
         self._applied = mechanism.applied
         self._inertia = ReducedInertia(mechanism)
         self.works, self.driven = does_work(mechanism, torque), False
-        self.calls = 0
         self._y, self._ydot = slice(0, self.m), slice(self.m, 2 * self.m)
 
     def evaluate(self, t: float, x: Array) -> Evaluation:
@@ -103,7 +102,7 @@ class EquationsOfMotion:
         tau, power = self._act(t, q, v)
         if tau is not None:
             force += tau
-        self.calls += 1
+        self.explicit.counters.rhs += 1
         return Evaluation(point, v, self._inertia.solve(q, G, G.T.dot(force)), tau, power)
 
     def acting(self, t: float, q: Array, v: Array) -> tuple[Array, float]:

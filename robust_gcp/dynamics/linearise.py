@@ -179,7 +179,7 @@ def limiting_eigenvalue(
     motion: Problem,
     step: float,
     push: Callable[[Array], Array] | None = None,
-    rate: Callable[[float, Array], Array] | None = None,
+    rate: Callable[[float, Array], Array | None] | None = None,
 ) -> complex:
     """The eigenvalue that limits a step of RK4 at the start of a motion, 1/s; 0 where none was found.
 
@@ -194,8 +194,8 @@ def limiting_eigenvalue(
         s.
     push : callable (2m,) -> (m,), optional
         What δ(y, ẏ) adds to ÿ besides the motion's own equations.
-    rate : callable (t, x) -> ẋ, optional
-        These equations by other means.
+    rate : callable (t, x) -> ẋ or None, optional
+        These equations by other means; None where they cannot tell.
     """
     m, x = motion.mechanism.m, motion.x
     unit = motion.mechanism.units[motion.mechanism.iv_independent]
@@ -204,7 +204,8 @@ def limiting_eigenvalue(
     f = motion.equations if rate is None else rate
 
     def moved(state: Array) -> Array:
-        return f(0.0, np.concatenate([state, x[2 * m :]]))[: 2 * m]
+        found = f(0.0, np.concatenate([state, x[2 * m :]]))
+        return np.full(2 * m, np.nan) if found is None else found[: 2 * m]
 
     with np.errstate(all="ignore"):  # what is not finite says nothing
         base = moved(x[: 2 * m])

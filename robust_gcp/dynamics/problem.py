@@ -2,47 +2,108 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..maps.choice import MapChoice
-from ..maps.explicit import Counters, ExplicitMap
+from ..maps.choice import KernelMap, MapChoice
+from ..maps.cluster.cluster_map import ClusterMap
+from ..maps.explicit import Counters, ExplicitMap, Point
 from ..maps.grouped_start import initial_point_of_motion
+from ..maps.regular_path import RegularPath
 from ..maps.start import Start
 from ..maps.start_check import require_freedom
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .equations import EquationsOfMotion, Evaluation, Torque
+from .equations import EquationsOfMotion, Evaluation, Torque, does_work
 from .prescribed.drive import Drive
 from .prescribed.driven import DrivenEquations, driven_start
 
 
-@dataclass(frozen=True)
 class Problem:
-    """What a stepper needs.
+    """What a stepper needs of a motion; its map and equations are made where they are first asked for.
+
+    As long as the compiled kernel goes on by itself neither is, and the motion is where `resume` says.
+
+    Parameters
+    ----------
+    start : Start
+        Checked.
+    torque : callable, array_like or None
+    choice : MapChoice
+    drive : Drive, optional
+        Prescribed motions.
 
     Attributes
     ----------
     mechanism : Mechanism
-    start : Start
-    explicit : ExplicitMap
-    equations : EquationsOfMotion
-        ẋ = f(t, x).
+    counters : Counters
+        What was computed so far.
+    works : bool
+        Whether something acts whose work no potential energy accounts for.
     x : ndarray
-        The first state: (y, u), with the work done so far, 0 J, where something does work. u = ẏ but on
+        The first state: (y, u), with the work done so far, 0 J, where `works`. u = ẏ but on
         groups, see `maps.grouped`.
     first : Evaluation or None
         At x, where it is known already.
     """
 
-    mechanism: Mechanism
-    start: Start
-    explicit: ExplicitMap
-    equations: EquationsOfMotion
-    x: Array
-    first: Evaluation | None = None
+    def __init__(
+        self, start: Start, torque: Torque | ArrayLike | None, choice: MapChoice, drive: Drive | None = None
+    ) -> None:
+        self.mechanism, self.counters = start.mechanism, start.path.counters
+        self.start, self.choice, self.drive, self._torque = start, choice, drive, torque
+        self.works = drive is not None or does_work(self.mechanism, torque)
+        self.x: Array = np.concatenate([start.point.y, start.ydot, np.zeros(int(self.works))])
+        self.first: Evaluation | None = None
+        self._explicit: ExplicitMap | None = None
+        self._reached: tuple[Point, Callable[[], Array] | None] | None = None
+
+    @property
+    def explicit(self) -> ExplicitMap:
+        """The explicit map, where the motion is."""
+        if self._explicit is None:
+            self._explicit = self.choice.over(self.start)
+            if self._reached is not None:
+                self.resume(*self._reached)
+        return self._explicit
+
+    @cached_property
+    def equations(self) -> EquationsOfMotion:
+        """ẋ = f(t, x)."""
+        if self.drive is None:
+            return EquationsOfMotion(self.mechanism, self.explicit, self._torque)
+        return DrivenEquations(self.mechanism, self.explicit, self._torque, self.drive)
+
+    @property
+    def path(self) -> RegularPath:
+        """What solves on regular ground."""
+        return self.start.path if self._explicit is None else self._explicit.path
+
+    @property
+    def trackers(self) -> Callable[[], Array] | None:
+        """What tells the clusters' trackers as plain numbers, where the motion is in a zone."""
+        if self._explicit is None and not self.start.trackers:
+            return None if self._reached is None else self._reached[1]
+        rest = self.explicit.rest
+        return rest.written if isinstance(rest, ClusterMap) and rest.in_zone else None
+
+    def resume(
+        self,
+        anchor: Point,
+        trackers: Callable[[], Array] | None,
+        in_zone: bool | None = None,
+        met: bool | None = None,
+    ) -> None:
+        """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
+        if self._explicit is None and in_zone is None:
+            self._reached = anchor, trackers
+            return
+        explicit = self.explicit
+        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
+        explicit.resume(anchor, trackers, in_zone, met)
 
 
 def initial_value_problem(
@@ -85,17 +146,4 @@ def initial_value_problem(
     if drive is not None:
         start.ydot = start.ydot.copy()
         start.ydot[drive.driven] = drive.motion_at(drive.start)[1]
-    return over(start, torque, choice, drive)
-
-
-def over(
-    start: Start, torque: Torque | ArrayLike | None, choice: MapChoice, drive: Drive | None = None
-) -> Problem:
-    """The motion from a checked start, with a map and equations of its own."""
-    mechanism, explicit = start.mechanism, choice.over(start)
-    if drive is None:
-        equations = EquationsOfMotion(mechanism, explicit, torque)
-    else:
-        equations = DrivenEquations(mechanism, explicit, torque, drive)
-    x = np.concatenate([start.point.y, start.ydot, np.zeros(int(equations.works))])
-    return Problem(mechanism, start, explicit, equations, x)
+    return Problem(start, torque, choice, drive)

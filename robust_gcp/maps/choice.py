@@ -17,6 +17,9 @@ from .projection import PROJECTION_THRESHOLD, ProjectionMap
 from .start import Start
 
 Method = Literal["bridge", "projection", "classical", "closed_form"]
+KernelMap = ClusterMap | ClassicalMap | GroupMap
+"""The maps that the kernel knows."""
+
 METHODS: tuple[Method, ...] = ("bridge", "projection", "classical", "closed_form")
 
 

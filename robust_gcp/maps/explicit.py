@@ -60,6 +60,7 @@ class Point:
 class Counters:
     """What was computed, for `Trajectory.stats`."""
 
+    rhs: int = 0
     constraint_evaluations: int = 0
     newton_iterations: int = 0
     force_evaluations: int = 0

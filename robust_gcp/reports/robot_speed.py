@@ -152,7 +152,7 @@ def batches(mechanism: Mechanism, steps: int, h: float = STEP, v: Array | None =
     motion = initial_value_problem(mechanism, None, v)
     now, times = motion.equations.evaluate(0.0, motion.x), h * np.arange(steps + 1)
     outputs = Outputs.room(steps, mechanism.nq, mechanism.nv)
-    workspace = Workspace(found, mechanism, motion.start.path, works=motion.equations.works)
+    workspace = Workspace(found, mechanism, motion.start.path, works=motion.works)
 
     def run() -> tuple[float, float]:
         begun = time.perf_counter()
@@ -160,7 +160,7 @@ def batches(mechanism: Mechanism, steps: int, h: float = STEP, v: Array | None =
         spent = time.perf_counter() - begun
         if batch.steps < steps:
             raise RuntimeError(f"the kernel stopped after {batch.steps} steps: {batch.reason.name}")
-        return spent / steps, batch.counts["newton_iterations"] / batch.rhs
+        return spent / steps, batch.counts["newton_iterations"] / batch.counts["rhs"]
 
     return run
 

@@ -23,7 +23,7 @@ from ..mechanism.tree.tree import Array
 from .events import Event
 from .runs.coordinates import in_coordinates
 from .runs.course import Course
-from .runs.initial_state import Given, initialise, rates_at
+from .runs.initial_state import Given, initialise
 from .runs.schedule import Keep, Schedule
 from .runs.stability import StabilityCheck
 from .runs.stepped import SteppedRun
@@ -110,8 +110,7 @@ class StepwisePlan:
             at_first = in_coordinates(mechanism, independent)
         problem = initialise(native, at_first, start, held, choice, counters, toggle, drives, t0)
         if drives is None:
-            check = StabilityCheck(mechanism, None, self.step, choice.options)
-            check.before(problem, rates_at(native, problem))
+            StabilityCheck(mechanism, None, self.step, choice.options).before(problem, native)
         run = SteppedRun(
             held, rk4_step, native, problem, choice, held, Schedule.every(self.clock(0, ROOM)), self.record,
             counters, toggle, events=self.events, named=mechanism, keep=self.keep,

@@ -157,7 +157,7 @@ def _exactly(f: EquationsOfMotion, x: Array, times: Array) -> Array | None:
     """The states at the times by small steps; None where the loops come near the end of their reach."""
 
     def followed(t: float, x: Array) -> Array:
-        if f.calls > MOST_CALLS:
+        if f.explicit.counters.rhs > MOST_CALLS:
             raise NonFiniteError("beside a dead point the cranks' rates grow without bound")
         return f(t, x)
 

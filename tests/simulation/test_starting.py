@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
@@ -17,8 +18,10 @@ from robust_gcp.dynamics.problem import Problem, initial_value_problem
 from robust_gcp.kernel.library import library
 from robust_gcp.kernel.simulation.steps import NativeSteps
 from robust_gcp.maps.choice import MapChoice
+from robust_gcp.maps.cluster.options import BridgeOptions
 from robust_gcp.maps.explicit import Counters
-from robust_gcp.simulation.runs.initial_state import StartRates, initialise, rates_at
+from robust_gcp.simulation.runs.initial_state import initialise
+from robust_gcp.simulation.runs.stability import StabilityCheck
 
 from ..compiled import needs_kernel
 from .test_floating import REGULAR, floating
@@ -146,33 +149,41 @@ def of_many_kinds() -> dict[str, tuple[rg.Mechanism, Array]]:
 
 def begun_in_the_kernel(
     mech: rg.Mechanism, v0: Array | None = None, tau: Array | None = None
-) -> tuple[Problem, StartRates]:
+) -> tuple[Problem, NativeSteps]:
     kernel = library()
     assert kernel is not None
     native = NativeSteps(kernel, tau, required=True)
     start = mech.home, v0, None
     motion = initialise(native, mech, start, tau, MapChoice(), Counters(), "repartition", None, 0.0)
-    near = rates_at(native, motion)
-    assert near is not None
-    return motion, near
+    return motion, native
 
 
 @pytest.mark.parametrize("name", [*NAMES, "flyball", "on a base"])
 def test_the_slopes_that_the_step_is_judged_by(name: str) -> None:
     """The differences in the kernel are those in Python, and leave the motion that follows as it is."""
     mech, v0 = of_many_kinds()[name]
-    motion, near = begun_in_the_kernel(mech, v0, np.full(mech.nv, 0.2))
-    n = 2 * mech.m
-    found, again = near.slopes(0.0, motion.x), near.slopes(0.0, motion.x)
+    motion, native = begun_in_the_kernel(mech, v0, np.full(mech.nv, 0.2))
+    n, near = 2 * mech.m, native.rates_at_start(motion)
+    assert near is not None
+    found, again = near.slopes(), near.slopes()
+    assert found is not None and again is not None
     wanted = ReducedJacobian(motion.equations)(0.0, motion.x)[:n, :n]
     np.testing.assert_allclose(found, wanted, rtol=1e-5, atol=1e-5 * np.abs(wanted).max())
     np.testing.assert_allclose(again, found, rtol=1e-6, atol=1e-6 * np.abs(wanted).max())
     rate = near(0.0, motion.x)
+    assert rate is not None
     np.testing.assert_allclose(rate, motion.equations(0.0, motion.x), rtol=1e-10, atol=1e-9)
 
 
 def test_slopes_that_the_kernel_cannot_tell() -> None:
-    """At a singular place of a map without bridges the run itself is to tell why."""
-    _, near = begun_in_the_kernel(rg.load("rhombus"))
-    with pytest.raises(rg.BranchError, match="kernel cannot evaluate"):
-        near.slopes(0.0, np.array([np.pi / 2.0 * 1e6, 1e30]))
+    """Where they leave the finite numbers nothing is said of the step, and the run itself tells why."""
+    mech = rg.load("rhombus")
+    motion, native = begun_in_the_kernel(mech)
+    assert motion.first is not None
+    near = native.rates(motion, motion.first, np.array([np.pi / 2.0 * 1e6, 1e30]), None)
+    assert near is not None and near.slopes() is None
+    check = StabilityCheck(mech, None, 1e-3, BridgeOptions())
+    motion.x = np.array([np.pi / 2.0 * 1e6, 1e30])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check.before(motion, native)

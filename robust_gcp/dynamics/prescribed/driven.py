@@ -93,7 +93,7 @@ class DrivenEquations(EquationsOfMotion):
             force = tau - tree.rnea(q, v, point.g + G[:, driven].dot(ydd[driven]))
             ydd[free] = self._inertia.solve(q, G_free, G_free.T.dot(force))
         effort = G[:, driven].T.dot(tree.rnea(q, v, G.dot(ydd) + point.g) - tau)
-        self.calls += 1
+        self.explicit.counters.rhs += 1
         tau[self.columns] += effort
         kept = np.full(self.mechanism.nv, np.nan)
         kept[self.columns] = effort

@@ -21,8 +21,9 @@ from .guard import ErrorControl, Guard, Watch, dop853
 
 
 def counted(request: Request) -> dict[str, int]:
-    """What was computed, by the names of `Counters`, steps and right-hand sides apart."""
+    """What was computed, by the names of `Counters`, steps apart."""
     return {
+        "rhs": request.rhs,
         "newton_iterations": request.newton,
         "constraint_evaluations": request.constraint_evaluations,
         "force_evaluations": request.force_evaluations,
@@ -178,10 +179,8 @@ class Batch:
         Step, state and point of the last well-conditioned one among the completed steps.
     best : float
         Largest conditioning of an output so far.
-    rhs : int
-        Right-hand sides that the completed steps took.
     counts : dict of str to int
-        What else they took, by the names of `Counters`.
+        What they took, by the names of `Counters`.
     failure : BaseException or None
         What the torque callback raised after these steps.
     rounding : (float, float)
@@ -197,13 +196,12 @@ class Batch:
     crossings: list[Crossing]
     safe: tuple[int, Array, Point] | None
     best: float
-    rhs: int
     counts: dict[str, int]
     failure: BaseException | None
     rounding: tuple[float, float]
 
     def add_to(self, counters: Any) -> None:
-        """Count what the completed steps took, right-hand sides apart."""
+        """Count what the completed steps took."""
         count_in(counters, self.counts)
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ...mechanism.tree.tree import Array
-from ..structures import Beginning, Request
+from ..structures import Beginning
+
+if TYPE_CHECKING:
+    from .workspace import Workspace
 
 ON, TURNED = int(Beginning.ON), int(Beginning.TURNED)
 
@@ -19,30 +21,14 @@ class Prepared:
 
     Parameters
     ----------
-    run : callable
-        The kernel's.
-    handle : int
-    request : Request
-        With the times from 0 on, the rows of outputs 1, 2, …, and all choices.
-    reference : pointer
-        To the request.
-    held : ndarray (nv,)
-        Where the kernel reads the torque.
-    owner : object
-        Has the memory that the request points to, and lives as long as this.
+    workspace : Workspace
+        Whose request has the times from 0 on, the rows of outputs 1, 2, …, and all choices.
     """
 
-    def __init__(
-        self,
-        run: Callable[..., None],
-        handle: int,
-        request: Request,
-        reference: Any,
-        held: Array,
-        owner: object,
-    ) -> None:
-        self._run, self._handle, self._request, self._reference = run, handle, request, reference
-        self._held, self._owner = held, owner
+    def __init__(self, workspace: Workspace) -> None:
+        self._run, self._handle, self._held = workspace.library.run, workspace.handle, workspace.acting.tau
+        self._request, self._reference = workspace.request, workspace.reference
+        self._owner = workspace  # of the memory that the request points to
 
     def __call__(self, first: int, steps: int, torque: Array | None = None) -> bool:
         """Steps from a time on, the one reached last; whether all were taken, with nothing to tell of them.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cache
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -12,10 +12,12 @@ from numpy.polynomial import chebyshev
 from ...dynamics.equations import Evaluation
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
-from ..handles import Shared, Trackers
-from ..library import Library
-from ..structures import Reason, Request, address
+from ..handles import Trackers
+from ..structures import Reason, address
 from .batch import counted
+
+if TYPE_CHECKING:
+    from .workspace import Workspace
 
 DONE, TORQUE, REFUSED = int(Reason.DONE), int(Reason.TORQUE), int(Reason.REFUSED)
 
@@ -40,42 +42,16 @@ class Rates:
 
     Parameters
     ----------
-    library : Library
-    handle : int
-    request : Request
-        With all choices and the point to begin from.
-    reference : pointer
-        To the request.
-    shared : Shared
-        Where the kernel reads and writes.
-    raised : list
-        Of what the torque function raised.
-    evaluation, trackers : callable
-        Read what the kernel has told, and the state of its trackers.
-    prescribe : callable (t)
-        Writes what moves as prescribed.
-    crossings : callable
-        Reads what was passed last.
+    workspace : Workspace
+        Whose request has all choices and the point to begin from.
     """
 
-    def __init__(
-        self,
-        library: Library,
-        handle: Any,
-        request: Request,
-        reference: Any,
-        shared: Shared,
-        raised: list[BaseException],
-        evaluation: Callable[[], Evaluation],
-        trackers: Callable[[], Trackers],
-        prescribe: Callable[[float], None],
-        crossings: Callable[[], list[Crossing]],
-    ) -> None:
-        self._prescribe, self._crossings = prescribe, crossings
-        self._library, self._follow = library, library.follow
-        self._handle, self._request, self._reference = handle, request, reference
+    def __init__(self, workspace: Workspace) -> None:
+        self._workspace, self._library, self._handle = workspace, workspace.library, workspace.handle
+        self._request, self._reference = workspace.request, workspace.reference
+        self._follow, shared = self._library.follow, workspace.shared
         self._time, self._x, self._rate = shared.time, shared.x, shared.rate
-        self._raised, self._evaluation, self._trackers = raised, evaluation, trackers
+        self._prescribe, self._raised = workspace.acting.prescribe, workspace.acting.raised
 
     def __call__(self, t: float, x: Array) -> Array | None:
         """ẋ, (n,); None where the kernel cannot tell, which ends this unless the state was `refused`.
@@ -85,37 +61,25 @@ class Rates:
         BaseException
             What the torque function raised.
         """
-        self._at(t, x)
-        self._follow(self._handle, self._reference)
-        return self._rate.copy() if self._done() else None
-
-    def _at(self, t: float, x: Array) -> None:
         self._time[0], self._x[:] = t, x
         self._prescribe(t)
-
-    def _done(self) -> bool:
+        self._follow(self._handle, self._reference)
         reason = self._request.reason
         if reason == TORQUE:  # or it was interrupted between two lines of the generator
             raise self._raised[0] if self._raised else KeyboardInterrupt
-        return bool(reason == DONE)
+        return self._rate.copy() if reason == DONE else None
 
-    def slopes(self, t: float, x: Array, unit: Array) -> Array | None:
-        """∂ẋ/∂x but for the work done, (2m, 2m), by forward differences; None where the kernel cannot tell.
+    def slopes(self) -> Array | None:
+        """∂ẋ/∂x but for the work done, (2m, 2m), where it begins; None where the kernel cannot tell.
 
-        Parameters
-        ----------
-        unit : ndarray (m,)
-            Of the independent velocities, contiguous.
-
-        Raises
-        ------
-        BaseException
-            As a call does.
+        By forward differences, see `dynamics.linearise`.
         """
-        self._at(t, x)
+        self._prescribe(float(self._time[0]))
+        unit = self._workspace.unit
         A: Array = np.empty((2 * len(unit), 2 * len(unit)))
         self._library.bend(self._handle, self._reference, address(unit), address(A))
-        return A if self._done() else None
+        self._workspace.acting.require_answered()
+        return A if self._request.reason == DONE else None
 
     def passed(
         self, times: tuple[float, float], ends: Array, within: Callable[[float], Array]
@@ -141,20 +105,20 @@ class Rates:
         bend = np.vstack([chebyshev.chebder(states[:, n // 2 :]) / half, np.zeros((1, n // 2))])
         told, rows = np.ascontiguousarray(ends), np.hstack([states, bend])
         self._library.passed(self._handle, self._reference, t0, t1, address(told), address(rows), len(rows))
-        return self._crossings() if self._done() else None
+        return self._workspace.passed if self._request.reason == DONE else None
 
     def told(self) -> tuple[Evaluation, Trackers | None, bool, bool]:
         """The evaluation made last, the trackers where they know something, whether in a zone, and met."""
         self._library.tell(self._handle, self._reference)
         knows = self._request.in_zone or self._request.met
-        trackers = self._trackers() if knows else None
-        return self._evaluation(), trackers, bool(self._request.in_zone), bool(self._request.met)
+        trackers = self._workspace.handed.new() if knows else None
+        return self._workspace.told(), trackers, bool(self._request.in_zone), bool(self._request.met)
 
     def keep(self) -> Evaluation:
         """The evaluation made last, which is gone back to where that is nearer than what comes after."""
         self._library.tell(self._handle, self._reference)
         self._library.keep(self._handle)
-        return self._evaluation()
+        return self._workspace.told()
 
     def rounding(self) -> tuple[float, float, float]:
         """As `apex.rounding`, where the kernel told it last."""
@@ -184,10 +148,5 @@ class Rates:
 
     @property
     def taken(self) -> dict[str, int]:
-        """What was computed, right-hand sides apart."""
+        """What was computed, by the names of `Counters`."""
         return counted(self._request)
-
-    @property
-    def calls(self) -> int:
-        """Right-hand sides that were told."""
-        return int(self._request.rhs)

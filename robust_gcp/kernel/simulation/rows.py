@@ -43,12 +43,12 @@ class _RowSpace(Workspace):
 
     def many(self, rows: Any, zone: float, options: BridgeOptions, watch: Watch | None) -> None:
         """Steps of many motions, which are told by a pointer to `Rows`; the rest as for `run`."""
-        r, self._latest, self._packed = self._request, None, None
+        r, self.latest, self._packed = self.request, None, None
         r.best = r.power = 0.0
         self._choices.make(zone, options, watch)
-        self._handed.secure()
-        self._acting.listen()
-        self._library.rows(self._handle, self._by_reference, rows)
+        self.handed.secure()
+        self.acting.listen()
+        self.library.rows(self.handle, self.reference, rows)
 
 
 class MotionRows:

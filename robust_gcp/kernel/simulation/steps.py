@@ -12,12 +12,12 @@ from ...dynamics.equations import Evaluation, Torque, does_work, torque_function
 from ...dynamics.prescribed.control import is_asked
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
+from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
 from ...errors import OptionError, PerformanceWarning
-from ...maps.classical import DIGITS_LOST, ClassicalMap
-from ...maps.cluster.cluster_map import ClusterMap
+from ...maps.choice import MapChoice
+from ...maps.classical import DIGITS_LOST
 from ...maps.cluster.options import BridgeOptions
-from ...maps.grouped import GroupMap
 from ...maps.regular_path import RegularPath
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -30,9 +30,6 @@ from .guard import ErrorControl, Guard, Watch
 from .prepared import Prepared
 from .rates import Rates
 from .workspace import Workspace
-
-KernelMap = ClusterMap | ClassicalMap | GroupMap
-"""The maps that the kernel knows."""
 
 BACKENDS = ("auto", "python", "native")
 
@@ -134,10 +131,10 @@ class NativeSteps:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""
         self._path = self._workspace = None
 
-    def look(self, explicit: KernelMap, now: Evaluation, x: Array, t: float) -> Evaluation | None:
+    def look(self, motion: Problem, now: Evaluation, x: Array, t: float) -> Evaluation | None:
         """An evaluation at x under the torque that is held now; None where Python has to look."""
-        if self._workspace is None or not self._workspace.is_at(now.point):
-            begun = self.take(explicit, now, x, np.array([t]), ())  # no step, but the kernel is there
+        if self._workspace is None or now.point is not self._workspace.latest:
+            begun = self.take(motion, now, x, np.array([t]), ())  # no step, but the kernel is there
             if begun is None:
                 return None
             now = begun.now
@@ -145,7 +142,7 @@ class NativeSteps:
 
     def take(
         self,
-        explicit: KernelMap,
+        motion: Problem,
         now: Evaluation,
         x: Array,
         times: Array,
@@ -170,11 +167,11 @@ class NativeSteps:
             Times of outputs within the steps, and how many of them come before each of `times`. Where the
             kernel does not take them, the steps end before one that has some, or are that one.
         """
-        workspace, trackers = self._at(explicit)
+        workspace, trackers = self._at(motion)
         if workspace is None:
             return None
-        options, zone = limits_of(explicit)
-        mechanism = whole_of(explicit)
+        options, zone = limits_of(motion.choice)
+        mechanism = motion.mechanism
         n = min(len(times) - 1, most_steps(mechanism))
         driven, prescribed = 0, None
         if self._drive is not None:
@@ -199,7 +196,7 @@ class NativeSteps:
 
     def prepared(
         self,
-        explicit: KernelMap,
+        motion: Problem,
         now: Evaluation,
         times: Array,
         outputs: Outputs,
@@ -208,23 +205,27 @@ class NativeSteps:
         looked: Callable[[float], bool] | None = None,
     ) -> Prepared | None:
         """Steps to come from where the kernel is, see `Workspace.prepared`; None where it is not at `now`."""
-        if self._workspace is None or not self._workspace.is_at(now.point):
+        if self._workspace is None or now.point is not self._workspace.latest:
             return None
-        options, zone = limits_of(explicit)
+        options, zone = limits_of(motion.choice)
         return self._workspace.prepared(times, outputs, zone, options, watch, best, looked)
 
-    def rates(self, explicit: KernelMap, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
+    def rates(self, motion: Problem, now: Evaluation, x: Array, watch: Watch | None) -> Rates | None:
         """ẋ by the kernel from an evaluation at x on; None where it cannot."""
-        workspace, trackers = self._at(explicit)
+        workspace, trackers = self._at(motion)
         if workspace is None:
             return None
-        options, zone = limits_of(explicit)
+        options, zone = limits_of(motion.choice)
         return workspace.rates(now, x, zone, options, watch, trackers)
 
-    def _at(self, explicit: KernelMap) -> tuple[Workspace | None, Callable[[], Array] | None]:
-        """The workspace where a map is, None where the kernel cannot go on there; and trackers in a zone."""
-        there, trackers = zone_of(explicit)
-        return (self.prepare(whole_of(explicit), explicit.path), trackers) if there else (None, None)
+    def rates_at_start(self, motion: Problem) -> Rates | None:
+        """ẋ about a start that the kernel has evaluated; None where it cannot."""
+        return None if motion.first is None else self.rates(motion, motion.first, motion.x, None)
+
+    def _at(self, motion: Problem) -> tuple[Workspace | None, Callable[[], Array] | None]:
+        """The workspace where a motion is, None where the kernel cannot go on; and trackers in a zone."""
+        there, trackers = zone_of(motion)
+        return (self.prepare(motion.mechanism, motion.path), trackers) if there else (None, None)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""
@@ -237,21 +238,12 @@ def most_steps(mechanism: Mechanism) -> int:
     return max(1, BATCH // mechanism.nv)
 
 
-def whole_of(explicit: KernelMap) -> Mechanism:
-    """The mechanism with its joints on groups."""
-    return explicit.groups.mechanism if isinstance(explicit, GroupMap) else explicit.path.mechanism
+def zone_of(motion: Problem) -> tuple[bool, Callable[[], Array] | None]:
+    """Whether the kernel follows what is where a motion is; and, in a zone, the trackers there."""
+    trackers = motion.trackers
+    return trackers is None or follows_zones(motion.path), trackers
 
 
-def zone_of(explicit: KernelMap) -> tuple[bool, Callable[[], Array] | None]:
-    """Whether the kernel follows what is where a map is; and, in a zone, the trackers there."""
-    followed = explicit.rest
-    trackers = followed.written if isinstance(followed, ClusterMap) and followed.in_zone else None
-    return trackers is None or follows_zones(followed.path), trackers
-
-
-def limits_of(explicit: KernelMap) -> tuple[BridgeOptions | None, float]:
+def limits_of(choice: MapChoice) -> tuple[BridgeOptions | None, float]:
     """The choices of the bridges, and the conditioning at which the regular path ends."""
-    followed = explicit.rest
-    if isinstance(followed, ClusterMap):
-        return followed.options, followed.options.zone
-    return None, DIGITS_LOST
+    return (choice.options, choice.options.zone) if choice.method == "bridge" else (None, DIGITS_LOST)

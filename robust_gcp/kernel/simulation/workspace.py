@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ctypes
 from collections.abc import Callable
-from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,7 @@ from ...dynamics.equations import CheckedTorque, Evaluation
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.tableau import Tableau
 from ...maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
-from ...maps.explicit import Point
+from ...maps.explicit import Crossing, Point
 from ...maps.regular_path import RegularPath
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
@@ -57,8 +56,12 @@ class Workspace:
     ----------
     shares : tuple of float
         Of a step, its stages at which something may be prescribed.
+    latest : Point or None
+        Where the kernel can go on as it is: the last batch's last point.
     looks_within : bool
         Whether it takes outputs within steps.
+    library, handle, request, reference, shared, acting, handed, unit
+        How the kernel is called, and the units of y, for `Rates` and `Prepared`.
     """
 
     def __init__(
@@ -72,24 +75,25 @@ class Workspace:
         tableau: Tableau | None = None,
         guard: Guard | None = None,
     ) -> None:
-        self._library, self.path, self._groups = library, path, groups_of(mechanism)
+        self.library, self.path, self._groups = library, path, groups_of(mechanism)
         self._acts = mechanism.applied is not None or torque is not None or drive is not None
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
+        self.unit = mechanism.units[mechanism.iv_independent]
         self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
         self._layout: Layout = mechanism.memo.once(
             ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
         )
         self._packed: Point | None = None  # that `anchor` holds, where it is known
-        self._latest: Point | None = None
-        self._request = Request()
-        self._driving = Driving(self._request, mechanism, drive)
+        self.latest: Point | None = None
+        self.request = Request()
+        self._driving = Driving(self.request, mechanism, drive)
         self._taken = Handle(library, mechanism, path, works, self._driving.which)
-        self._handle, self._handed = self._taken.address, self._taken.handed
-        self._shared = Shared(self._request, mechanism, 2 * self._m + int(works), self._layout.size)
+        self.handle, self.handed = self._taken.address, self._taken.handed
+        self.shared = Shared(self.request, mechanism, 2 * self._m + int(works), self._layout.size)
         resort = PRESCRIBED if self._driving.of_all else LAST_RESORT
-        self._choices = Choices(self._request, resort, tableau, guard)
-        self.shares, self._by_reference = self._choices.shares, ctypes.byref(self._request)
-        self._acting = Acting(self._request, mechanism, torque, self._driving)
+        self._choices = Choices(self.request, resort, tableau, guard)
+        self.shares, self.reference = self._choices.shares, ctypes.byref(self.request)
+        self.acting = Acting(self.request, mechanism, torque, self._driving)
         self.looks_within = len(mechanism.numbers) == mechanism.m
 
     def run(
@@ -130,39 +134,35 @@ class Workspace:
         control : ErrorControl, optional
             In place of fixed steps.
         """
-        r, self._prescribed = self._request, prescribed  # which it points to
+        r, self._prescribed = self.request, prescribed  # which it points to
         r.prescribed = address(prescribed)
         times = np.ascontiguousarray(times, dtype=float)
-        self._acting.prescribe_over(times, self.shares, outputs.within.times if outputs.within else None)
+        self.acting.prescribe_over(times, self.shares, outputs.within.times if outputs.within else None)
         r.steps, r.first, r.times = len(times) - 1, 0, address(times)
         r.power, r.best = now.power, best
         self._choices.make(zone, options, watch, control=control)
-        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
-        self._shared.tau[:] = 0.0 if now.tau is None else now.tau
-        if self.is_at(now.point):
+        self.shared.x[:], self.shared.ydd[:] = x, now.ydd
+        self.shared.tau[:] = 0.0 if now.tau is None else now.tau
+        if now.point is self.latest:
             r.beginning = Beginning.GO_ON
         else:
             self._begin_at(now.point, trackers)
         outputs.written_by(r)
-        self._handed.secure()
-        self._acting.listen(control is not None, looked and one_by_one(looked, outputs))
-        self._library.run(self._handle, self._by_reference)
+        self.handed.secure()
+        self.acting.listen(control is not None, looked and one_by_one(looked, outputs))
+        self.library.run(self.handle, self.reference)
         return self._batch(0, int(r.completed), outputs.first(int(r.completed)))
 
     def _begin_at(self, point: Point, trackers: Callable[[], Array] | None) -> None:
         """Begin the request at a point, in a zone where there are trackers."""
-        r = self._request
+        r = self.request
         r.beginning = Beginning.REGULAR if trackers is None else Beginning.IN_ZONE
         self._trackers = None if trackers is None else np.ascontiguousarray(trackers())
         r.trackers = address(self._trackers)  # which are kept as long as the request may be read
         if point is not self._packed:
-            self._layout.pack(point, self._shared.anchor)
+            self._layout.pack(point, self.shared.anchor)
             self._packed = point
-        self._shared.origin[:] = self._layout.origin(point)
-
-    def is_at(self, point: Point) -> bool:
-        """Whether this is where the kernel can go on as it is: the last batch's last point."""
-        return point is self._latest
+        self.shared.origin[:] = self._layout.origin(point)
 
     def prepared(
         self,
@@ -183,14 +183,14 @@ class Workspace:
         outputs : Outputs
             N + 1 rows.
         """
-        r, self._packed = self._request, None
+        r, self._packed = self.request, None
         r.times, r.beginning, r.steps, r.first, r.best = address(times), Beginning.GO_ON, 0, 0, best
         self._choices.make(zone, options, watch)
         outputs.between(1, len(times)).written_by(r)
-        self._handed.secure()
-        self._acting.listen(looked=looked)
-        self._library.run(self._handle, self._by_reference)  # no step: counts begin
-        return Prepared(self._library.run, self._handle, r, self._by_reference, self._acting.tau, self)
+        self.handed.secure()
+        self.acting.listen(looked=looked)
+        self.library.run(self.handle, self.reference)  # no step: counts begin
+        return Prepared(self)
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to, from one time to another."""
@@ -209,91 +209,91 @@ class Workspace:
 
         The solver controls its error: uncertified zones are followed on the true curve.
         """
-        r, self._latest = self._request, None
+        r, self.latest = self.request, None
         self._choices.make(zone, options, watch, error_controlled=True)
-        r.power, r.first, r.times = now.power, 0, self._shared.at_time
+        r.power, r.first, r.times = now.power, 0, self.shared.at_time
         self._begin_at(now.point, trackers)
-        self._shared.x[:], self._shared.ydd[:] = x, now.ydd
-        self._handed.secure()
-        self._acting.listen()
+        self.shared.x[:], self.shared.ydd[:] = x, now.ydd
+        self.handed.secure()
+        self.acting.listen()
+        self.library.follow_from(self.handle, self.reference)
+        return Rates(self)
 
-        def told() -> Evaluation:
-            self._packed = None
-            return self._evaluation(self._layout.point(self._shared.anchor, self._shared.origin))
+    def told(self) -> Evaluation:
+        """The evaluation that the kernel was asked to tell last."""
+        self._packed = None
+        return self._evaluation(self._layout.point(self.shared.anchor, self.shared.origin))
 
-        self._library.follow_from(self._handle, self._by_reference)
-        passed = partial(crossings, r, self._nq, self._numbers_in_q)
-        told_by = self._acting.raised, told, self._handed.new, self._acting.prescribe, passed
-        return Rates(self._library, self._handle, r, self._by_reference, self._shared, *told_by)
+    @property
+    def passed(self) -> list[Crossing]:
+        """Singular places that were passed last."""
+        return crossings(self.request, self._nq, self._numbers_in_q)
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""
-        if not self.is_at(now.point) or not self._acting.held:
+        if now.point is not self.latest or not self.acting.held:
             return None
-        r, time = self._request, np.array([t])
+        r, time = self.request, np.array([t])
         r.times, r.first, r.beginning = address(time), 0, Beginning.GO_ON
-        self._acting.listen()
-        self._acting.prescribe(t)
-        self._library.look(self._handle, self._by_reference)
-        self._acting.require_answered()
-        if r.reason != Reason.DONE:
-            return None
-        return self._evaluation(now.point)
+        self.acting.listen()
+        self.acting.prescribe(t)
+        self.library.look(self.handle, self.reference)
+        self.acting.require_answered()
+        return self._evaluation(now.point) if r.reason == Reason.DONE else None
 
     def begin(self, q: Array, u: Array, zone: float, t: float, options: BridgeOptions | None) -> Begun | None:
         """The state and its evaluation at q, closed by Newton's method at its own y, with velocities u.
 
         None where it finds no point, or K_d is conditioned below `zone` there and no cluster is followed.
         """
-        r, self._shared.time[0] = self._request, t
-        r.times, r.power, self._latest, self._packed = self._shared.at_time, 0.0, None, None
+        r, self.shared.time[0] = self.request, t
+        r.times, r.power, self.latest, self._packed = self.shared.at_time, 0.0, None, None
         self._choices.make(zone, options, None)
-        self._handed.secure()
-        if not self._acting.asks:
-            self._acting.listen()
-        self._acting.prescribe(t)
-        self._shared.x[:] = self._shared.anchor[:] = 0.0
-        self._shared.x[self._numbers] = q[self._numbers_in_q]
-        self._shared.x[self._m : 2 * self._m] = u
-        self._shared.anchor[self._layout.q] = q
-        self._library.begin(self._handle, self._by_reference)
-        self._acting.require_answered()
+        self.handed.secure()
+        if not self.acting.asks:
+            self.acting.listen()
+        self.acting.prescribe(t)
+        self.shared.x[:] = self.shared.anchor[:] = 0.0
+        self.shared.x[self._numbers] = q[self._numbers_in_q]
+        self.shared.x[self._m : 2 * self._m] = u
+        self.shared.anchor[self._layout.q] = q
+        self.library.begin(self.handle, self.reference)
+        self.acting.require_answered()
         if r.reason != Reason.DONE:
             return None
-        point = self._packed = self._layout.point(self._shared.anchor)
-        trackers = self._handed.new() if r.in_zone else None
-        return Begun(self._shared.x.copy(), self._evaluation(point), trackers, counted(r))
+        point = self._packed = self._layout.point(self.shared.anchor)
+        trackers = self.handed.new() if r.in_zone else None
+        return Begun(self.shared.x.copy(), self._evaluation(point), trackers, counted(r))
 
     def _batch(self, begun: int, steps: int, outputs: Outputs) -> Batch:
-        r = self._request
-        point = self._packed = self._layout.point(self._shared.anchor, self._shared.origin)
-        self._latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
-        trackers = self._handed.new() if r.in_zone else None
+        r = self.request
+        point = self._packed = self._layout.point(self.shared.anchor, self.shared.origin)
+        self.latest = point if r.reason in (Reason.DONE, Reason.CHART, Reason.MET) else None
+        trackers = self.handed.new() if r.in_zone else None
         now = self._evaluation(point)
         safe = None
         if 0 <= r.safe_step == begun + steps:
-            safe = steps, self._shared.x.copy(), point
+            safe = steps, self.shared.x.copy(), point
         elif r.safe_step >= 0:
-            x, at = self._shared.safe[self._layout.size :].copy(), int(r.safe_step) - begun
-            safe = at, x, self._layout.point(self._shared.safe)
+            x, at = self.shared.safe[self._layout.size :].copy(), int(r.safe_step) - begun
+            safe = at, x, self._layout.point(self.shared.safe)
         return Batch(
             steps,
             Reason(r.reason),
-            self._shared.x.copy(),
+            self.shared.x.copy(),
             now,
             trackers,
             outputs,
-            crossings(r, self._nq, self._numbers_in_q),
+            self.passed,
             safe,
             float(r.best),
-            int(r.rhs),
             {"native_steps": steps, **counted(r)},
-            self._acting.failure(),
+            self.acting.failure(),
             (float(r.uncertain), float(r.nearest)),
         )
 
     def _evaluation(self, point: Point) -> Evaluation:
         """What the kernel left at its anchor, which is this point."""
-        tau = self._shared.tau.copy() if self._acts else None
-        v, power = point.G.dot(point.ydot), float(self._request.power)
-        return Evaluation(point, v, self._shared.ydd.copy(), tau, power, self._driving.effort())
+        tau = self.shared.tau.copy() if self._acts else None
+        v, power = point.G.dot(point.ydot), float(self.request.power)
+        return Evaluation(point, v, self.shared.ydd.copy(), tau, power, self._driving.effort())

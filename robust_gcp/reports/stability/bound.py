@@ -239,7 +239,7 @@ def _integrate(motion: Stiff, stepper: str, rtol: float) -> tuple[Array, Array, 
         solver.step()
         t.append(solver.t)
         y.append(solver.y[:m].copy())
-    return np.array(t), np.array(y), f.calls
+    return np.array(t), np.array(y), begun.counters.rhs
 
 
 def strides(quick: bool) -> list[Stride]:

@@ -247,7 +247,6 @@ class _Plain(threading.local):
                 return None
             crossings += batch.crossings
             x, now = batch.x, batch.now
-            stats.rhs += batch.rhs
             batch.add_to(stats)
         if self._redundant and not self._all_closed(outputs.q):
             return None

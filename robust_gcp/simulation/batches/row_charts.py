@@ -10,12 +10,13 @@ from numpy.typing import NDArray
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
+from ...dynamics.problem import Problem
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
 from ...kernel.simulation.guard import Watch
 from ...kernel.simulation.row_state import RowState, Standing
 from ...kernel.simulation.rows import MotionRows
-from ...kernel.simulation.steps import KernelMap, limits_of, whole_of, zone_of
+from ...kernel.simulation.steps import limits_of, zone_of
 from ...kernel.structures import Reason
 from ...maps.cluster.options import BridgeOptions
 from ...maps.explicit import Counters
@@ -131,13 +132,13 @@ class BatchCharts:
         begun = closed_by_kernel(chart.workspace, chart.mechanism, q, v, chart.zone, options=chart.options)
         return None if begun is None else (0, chart.begun(begun))
 
-    def place_of(self, explicit: KernelMap, x: Array, watch: Watch | None, now: Evaluation) -> Place | None:
-        """Where a map is; None where the kernel does not take its coordinates.
+    def place_of(self, motion: Problem, x: Array, watch: Watch | None, now: Evaluation) -> Place | None:
+        """Where a motion is; None where the kernel does not take its coordinates.
 
         `watch` tells up to where these serve.
         """
-        there, trackers = zone_of(explicit)
-        c = self._chart(whole_of(explicit), explicit.path, *limits_of(explicit)) if there else None
+        there, trackers = zone_of(motion)
+        c = self._chart(motion.mechanism, motion.path, *limits_of(motion.choice)) if there else None
         if c is None:
             return None
         return c, self._charts[c].standing_at(x, now, None if trackers is None else trackers(), watch)

@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...dynamics.problem import over
+from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
 from ...errors import SimulationError
 from ...kernel.simulation.batch import Outputs
@@ -72,7 +72,7 @@ class Partial:
             return None
         x, now = begun.x, begun.now
         if self._native.asks:
-            motion = over(start_at(mechanism, self._path, now.point), self._torque, self._choice)
+            motion = Problem(start_at(mechanism, self._path, now.point), self._torque, self._choice)
             now = motion.equations.at_point(start.t, now.point)
         outputs = Outputs.room(1, mechanism.nq, mechanism.nv, ("a", "tau", "work"))
         batch = workspace.run(np.array([start.t, end]), x, now, outputs, options.zone, options)

@@ -17,7 +17,7 @@ from ...kernel.simulation.steps import NativeSteps
 from ...maps.explicit import Counters
 from ...mechanism.tree.tree import Array, Tree
 from ..runs.coordinates import Coordinates
-from ..runs.initial_state import initialise, rates_at
+from ..runs.initial_state import initialise
 from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck
 from ..runs.stepped import SteppedRun
@@ -131,7 +131,7 @@ class Leg:
         if _shifted(self._motion, start[1]) > SAME:
             self._motion = _steadier(self._motion, plan, start, torque, native, counters)
         if self._stability is not None:
-            self._stability.before(self._motion, rates_at(native, self._motion))
+            self._stability.before(self._motion, native)
         self._native = native
         self._run = self._made(self._motion, torque, native, counters)
         before = machines.before

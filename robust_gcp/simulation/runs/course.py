@@ -28,7 +28,7 @@ from ..events import Event, Events
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .fixed_steps import FixedRun
-from .initial_state import Given, initialise, rates_at
+from .initial_state import Given, initialise
 from .recovery import add_remedy
 from .retries import STIFF, taken_again, words_of
 from .run import Run
@@ -168,11 +168,10 @@ class Course:
         self, stability: StabilityCheck, native: NativeSteps | None, motion: Problem, again: Again | None
     ) -> bool:
         """Whether the steps, or parts of them, are stable at the start, or it is told that they are not."""
-        rate = rates_at(native, motion)
         if again is None:
-            stability.before(motion, rate)
+            stability.before(motion, native)
             return True
-        parts = stability.parts(motion, rate)
+        parts = stability.parts(motion, native)
         if parts > MOST_PARTS:
             return False
         t0, outputs = float(self.schedule.times[0]), self.schedule.outputs

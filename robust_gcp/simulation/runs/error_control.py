@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ...dynamics.equations import Evaluation
-from ...dynamics.problem import initial_value_problem
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import SimulationError
 from ...kernel.simulation.guard import ErrorControl
 from ...kernel.simulation.steps import NativeSteps
@@ -57,13 +57,13 @@ class RefinedRun(Run):
         As for `Run`.
     """
 
-    def __init__(self, *parts: Any, **options: Any) -> None:
-        super().__init__(*parts, **options)
+    def __init__(self, motion: Problem, *parts: Any, **options: Any) -> None:
+        super().__init__(motion, *parts, **options)
         self._native: NativeSteps | None = None
         self._following: Following | None = None  # while steps are taken with error control
         self._behind: Array = self._x  # the state before the last step
         self._renewed_at: float | None = None  # when the present step went on in other coordinates
-        self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, self._motion.explicit.anchor))
+        self._recovery = Recovery(self._on_toggle, Checkpoint(0, self._x, motion.start.point))
 
     @property
     def before(self) -> Before:

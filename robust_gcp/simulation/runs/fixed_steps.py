@@ -6,10 +6,11 @@ from math import isfinite
 from typing import Any
 
 from ...dynamics.equations import Evaluation
+from ...dynamics.problem import Problem
 from ...errors import BranchError, NonFiniteError, ToggleError
 from ...kernel.simulation.batch import Batch, Outputs
 from ...kernel.simulation.guard import Guard, Watch
-from ...kernel.simulation.steps import KernelMap, NativeSteps
+from ...kernel.simulation.steps import NativeSteps
 from ...kernel.structures import Reason
 from ...maps.cluster.obstacles import UNBRIDGED, ObstacleError
 from ...maps.explicit import Point
@@ -73,14 +74,13 @@ class FixedRun(RefinedRun):
         """Whether an event ended it."""
         return self._ended
 
-    def standing(self, now: Evaluation) -> tuple[KernelMap, Array, Watch | None] | None:
-        """Map, state, and the watch on its coordinates, where the kernel could go on alone from now."""
-        explicit = self._motion.explicit
+    def standing(self, now: Evaluation) -> tuple[Problem, Array, Watch | None] | None:
+        """Motion, state, and the watch on its coordinates, where the kernel could go on alone from now."""
         if self._native is None or self.asks or self._ended:
             return None
         if self._recovery.error_controlled or self._events or self._suspicious(now.point):
             return None
-        return (explicit, self._x, self._watch_coordinates()) if isinstance(explicit, KernelMap) else None
+        return self._motion, self._x, self._watch_coordinates()
 
     @property
     def asks(self) -> bool:
@@ -101,9 +101,9 @@ class FixedRun(RefinedRun):
                             self._look_within(i, End.of(self._last, self._behind), now)
                         if self._ended:
                             return
+                        now, self._x = in_new_chart(self._motion.explicit, now, self._x)
                     elif self._events:
                         self._events.begin(float(self.times[i]), now.point.q, now.v)
-                    now, self._x = in_new_chart(self._motion.explicit, now, self._x)
                     before = self._last
                     self._accept(i, now)
                     recovery.accept(i, self._x, now.point)  # may be gone back to
@@ -157,7 +157,7 @@ class FixedRun(RefinedRun):
         """The equations at the present state."""
         known, self._first = self._first, None
         if known is not None:
-            self._motion.equations.calls += 1
+            self._counters.rhs += 1
             return known
         if self._following is not None and self._following.kept is not None:
             return self._following.kept  # at the end of a step with error control
@@ -205,7 +205,6 @@ class FixedRun(RefinedRun):
 
     def _take_over(self, i: int, batch: Batch) -> None:
         """Go on from where steps of the kernel's after time i ended; their outputs are recorded."""
-        self._motion.equations.calls += batch.rhs
         batch.add_to(self._counters)
         self._recovery.best = batch.best
         if self._recovery.error_controlled and batch.steps:
@@ -214,7 +213,7 @@ class FixedRun(RefinedRun):
         if batch.safe is not None:
             self._recovery.through(Checkpoint(i + batch.safe[0], *batch.safe[1:]))
         if batch.steps:
-            self._kernel_map().resume(batch.now.point, batch.trackers)
+            self._motion.resume(batch.now.point, batch.trackers)
             self._x, self._last = batch.x, batch.now
             if self._progress is not None:
                 for j in range(i + 1, i + 1 + batch.steps):
@@ -240,7 +239,7 @@ class FixedRun(RefinedRun):
         control = self._control(i) if self._recovery.error_controlled else None
         within = None if self._schedule.plain else self._schedule.between(i, last)
         more = watch, best, control, within, self._events.met if self._events else None
-        return native.take(self._kernel_map(), now, self._x, times, wanted, *more)
+        return native.take(self._motion, now, self._x, times, wanted, *more)
 
     def _look_into(self, i: int, before: End, rows: Outputs) -> None:
         """Look into a step of the kernel's, which ended at time i, where it stopped."""
@@ -260,11 +259,6 @@ class FixedRun(RefinedRun):
         step = FixedStep(self._motion.mechanism, self._motion.explicit, times, before, End.of(now, self._x))
         zeros = self._events.zeros(now.point.q, now.v, step) if self._events else []
         self._keep_within(rows, step, zeros, now)
-
-    def _kernel_map(self) -> KernelMap:
-        explicit = self._motion.explicit
-        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
-        return explicit
 
     def _stepped(self, i: int, now: Evaluation) -> Array:
         f, t, end = self._motion.equations, float(self.times[i]), float(self.times[i + 1])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,11 +10,10 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.driven import driven_start
-from ...dynamics.problem import Problem, initial_value_problem, over
-from ...errors import BranchError, PartitionError, SimulationError, ToggleError
+from ...dynamics.problem import Problem, initial_value_problem
+from ...errors import PartitionError, SimulationError, ToggleError
 from ...kernel.simulation.batch import Begun, count_in
-from ...kernel.simulation.rates import Rates
-from ...kernel.simulation.steps import KernelMap, NativeSteps
+from ...kernel.simulation.steps import NativeSteps
 from ...kernel.simulation.workspace import Workspace
 from ...maps.choice import MapChoice
 from ...maps.cluster.options import BridgeOptions
@@ -126,43 +124,6 @@ def state_given(mechanism: Mechanism, q0: ArrayLike | None, v0: ArrayLike | None
     return q, mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
 
 
-class StartRates:
-    """ẋ about a start that the kernel has evaluated, beside the run.
-
-    Parameters
-    ----------
-    motion : Problem
-    rates : Rates
-        From its start on.
-    """
-
-    def __init__(self, motion: Problem, rates: Rates) -> None:
-        self._mechanism, self._rates = motion.mechanism, rates
-
-    def __call__(self, t: float, x: Array) -> Array:
-        """ẋ, or a BranchError."""
-        return self._told(self._rates(t, x), x)
-
-    def slopes(self, t: float, x: Array) -> Array:
-        """A = ∂ẋ/∂x without the work done, (2m, 2m), or a BranchError; see `dynamics.linearise`."""
-        mechanism = self._mechanism
-        return self._told(self._rates.slopes(t, x, mechanism.units[mechanism.iv_independent]), x)
-
-    def _told(self, found: Array | None, x: Array) -> Array:
-        if found is None:
-            raise BranchError(f"the kernel cannot evaluate the motion at y = {x[: self._mechanism.m]}", x)
-        return found
-
-
-def rates_at(native: NativeSteps | None, motion: Problem) -> StartRates | None:
-    """ẋ about a start that the kernel has evaluated, beside the run; None where it has not."""
-    explicit = motion.explicit
-    if native is None or motion.first is None or not isinstance(explicit, KernelMap):
-        return None
-    rates = native.rates(explicit, motion.first, motion.x, None)
-    return None if rates is None else StartRates(motion, rates)
-
-
 def _plain(
     native: NativeSteps | None,
     mechanism: Mechanism,
@@ -212,12 +173,12 @@ def _evaluated(
     if begun is None:
         return None
     now = begun.now
-    motion = over(start_at(mechanism, path, now.point), torque, choice, drives)
+    motion = Problem(start_at(mechanism, path, now.point), torque, choice, drives)
     if begun.trackers is not None:
-        assert isinstance(motion.explicit, KernelMap)  # bridges are followed by no other
-        motion.explicit.resume(now.point, begun.trackers)
+        motion.resume(now.point, begun.trackers)
         count_in(path.counters, begun.counts)
-    return motion if native.asks else replace(motion, first=now)
+    motion.first = None if native.asks else now
+    return motion
 
 
 def start_at(mechanism: Mechanism, path: RegularPath, point: Point) -> Start:

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from ...dynamics.equations import EquationsOfMotion, Evaluation, constraint_forces
-from ...dynamics.prescribed.driven import DrivenEquations
+from ...dynamics.equations import Evaluation, constraint_forces
+from ...dynamics.problem import Problem
 from ...kernel.simulation.batch import Outputs
 from ...maps.classical import SingularityWarning
 from ...maps.explicit import Crossing
@@ -39,8 +39,8 @@ class Record:
         Steps and outputs.
     items : sequence of {"a", "energy", "multipliers", "tau"}
         What to keep besides q and v.
-    equations : EquationsOfMotion
-        Tell whether the state ends with the work done, and whether motions are prescribed.
+    motion : Problem
+        Tells whether the state ends with the work done, and whether motions are prescribed.
     keep : Keep
         Which rows outlive `forget`.
     looked_into : bool
@@ -59,7 +59,7 @@ class Record:
     """
 
     def __init__(
-        self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], equations: EquationsOfMotion,
+        self, mechanism: Mechanism, schedule: Schedule, items: Sequence[str], motion: Problem,
         keep: Keep = ALL, looked_into: bool = False,
     ) -> None:  # fmt: skip
         n = len(schedule.outputs)
@@ -70,8 +70,8 @@ class Record:
         self._energy = np.empty(n) if "energy" in items else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
         self._tau = np.zeros((n, mechanism.nv)) if looked_into or "tau" in items else None
-        self.work = np.empty(n) if equations.works else None
-        self._driven = equations.columns if isinstance(equations, DrivenEquations) else None
+        self.work = np.empty(n) if motion.works else None
+        self._driven = None if motion.drive is None else mechanism.iv_independent[motion.drive.driven]
         self._drive = None if self._driven is None else np.full((n, mechanism.nv), np.nan)
         self._crossings: list[Crossing] = []
         self._warned = self._spun = False

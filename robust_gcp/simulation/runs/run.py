@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Evaluation, Torque
-from ...dynamics.problem import Problem, initial_value_problem, over
+from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
 from ...maps.choice import MapChoice
 from ...maps.classical import SingularityWarning
@@ -96,7 +96,7 @@ class Run:
         times = schedule.times
         begin, first = float(times[0]), float(times[1] - times[0])
         self._events = events if isinstance(events, Events) else Events(events, begin, first)
-        self._record = Record(self._named, schedule, record, motion.equations, keep, bool(self._events))
+        self._record = Record(self._named, schedule, record, motion, keep, bool(self._events))
         self._ended = False
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
         if motion.mechanism is not self._named:
@@ -105,7 +105,6 @@ class Run:
         self.acted: Acted | None = None
         self._lost, self._told = (0.0, np.inf), False
         self._coordinates = self._looked_after()
-        self._calls = 0
         self._last: Evaluation | None = None
 
     def go(self) -> None:
@@ -214,9 +213,10 @@ class Run:
 
     def _better(self, point: Point) -> tuple[str, ...] | None:
         """Joints that serve better than the independent ones beside bridges; None where these do well."""
-        if self._coordinates is None or self._cluster_map().on_bridge:
+        if self._coordinates is None:
             return None
-        return self._coordinates.better(point)
+        on_bridge = self._motion.trackers is not None and self._cluster_map().on_bridge
+        return None if on_bridge else self._coordinates.better(point)
 
     def _others(self, point: Point) -> tuple[str, ...] | None:
         """Joints that see more of the motion at a regular point than the independent ones do."""
@@ -233,7 +233,6 @@ class Run:
         self._motion = self._problem_in(mechanism, here, here.G @ x[m : 2 * m])
         self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
-        self._calls += old.equations.calls
         self._last = None
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
@@ -245,7 +244,8 @@ class Run:
         apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
         if apart is not None:
             path, point, trackers = apart
-            return over(Start(path, point, v[mechanism.iv_independent], trackers), self._torque, self._choice)
+            start = Start(path, point, v[mechanism.iv_independent], trackers)
+            return Problem(start, self._torque, self._choice)
         torque, choice, counters = self._torque, self._choice, self._counters
         return initial_value_problem(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
 
@@ -261,13 +261,15 @@ class Run:
     @property
     def _redundant(self) -> bool:
         """Whether rows of φ may be left open that do not determine the dependent joints."""
-        path = self._motion.explicit.path
+        path = self._motion.path
         return path.mechanism.nc > path.nd
 
     def _watch(self, q: Array, i: int) -> None:
         """Refuse to go on where rows of φ are left open."""
+        if not self._redundant:
+            return
         explicit, rest = self._motion.explicit, self._motion.explicit.rest
-        if self._redundant and isinstance(rest, ClusterMap):
+        if isinstance(rest, ClusterMap):
             rest.require_closed(q_of_rest(explicit, q), f"at t = {self.times[i]:.6g} s")
 
     def _report(self, i: int) -> None:
@@ -279,7 +281,6 @@ class Run:
         self._tell_what_is_lost()
         stats = Stats(
             **{name: getattr(self._counters, name) for name in COUNTED},
-            rhs=self._calls + self._motion.equations.calls,
             repartitions=self._repartitions,
             refined=self._stretches,
             wall_seconds=time.perf_counter() - begun,

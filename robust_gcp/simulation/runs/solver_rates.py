@@ -9,8 +9,9 @@ import numpy as np
 from ...dynamics.equations import Evaluation
 from ...dynamics.problem import Problem
 from ...errors import SimulationError
+from ...kernel.simulation.batch import count_in
 from ...kernel.simulation.rates import Rates
-from ...kernel.simulation.steps import KernelMap, NativeSteps
+from ...kernel.simulation.steps import NativeSteps
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
@@ -118,9 +119,7 @@ class Following:
         if self._rates is None:
             return
         now, trackers, in_zone, met = self._rates.told()
-        explicit = self._motion.explicit
-        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
-        explicit.resume(now.point, trackers, in_zone, met)
+        self._motion.resume(now.point, trackers, in_zone, met)
 
     def looked(self) -> None:
         """What was met on the way was told of, and the limit of the coordinates may be another."""
@@ -131,10 +130,7 @@ class Following:
         """The kernel is not to go on; what it took is counted."""
         if self._rates is None:
             return
-        self._motion.equations.calls += self._rates.calls
-        counters = self._motion.explicit.counters
-        for name, count in self._rates.taken.items():
-            setattr(counters, name, getattr(counters, name) + count)
+        count_in(self._motion.counters, self._rates.taken)
         self._rates = None
 
     def near(self, x: Array) -> None:
@@ -187,14 +183,13 @@ class Following:
 
     def _hand_over(self, now: Evaluation, x: Array) -> None:
         """Let the kernel go on from an evaluation of Python's, on regular ground."""
-        explicit = self._motion.explicit
-        if self._native is None or not isinstance(explicit, KernelMap) or not np.isfinite(now.ydd).all():
+        if self._native is None or not np.isfinite(now.ydd).all():
             return
-        rest = explicit.rest
+        rest = self._motion.explicit.rest
         if isinstance(rest, ClusterMap) and rest.met:  # what was met is looked at first
             return
         watch = None if self._coordinates is None else self._coordinates.watch
-        self._rates = self._native.rates(explicit, now, x, watch)
+        self._rates = self._native.rates(self._motion, now, x, watch)
 
 
 def _apart(a: Array, b: Array) -> float:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import pairwise
 
 import numpy as np
@@ -13,16 +13,16 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque, TorqueFunction
 from ...dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, slopes_at, stable_step
 from ...dynamics.prescribed.control import is_asked
-from ...dynamics.problem import Problem, over
+from ...dynamics.problem import Problem
 from ...dynamics.reduced_inertia import ReducedInertia
 from ...errors import RobustGcpError
+from ...kernel.simulation.steps import NativeSteps
 from ...maps.choice import MapChoice
 from ...maps.cluster.options import BridgeOptions
 from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
-from .initial_state import StartRates
 
 MANY = 12
 """Coordinates beyond which only a few directions are looked at: the check then costs as many right-hand
@@ -90,29 +90,28 @@ class StabilityCheck:
         self._listener = _Listener(torque, mechanism.nv) if is_asked(torque) else None
         self.torque = self._listener or torque
 
-    def before(self, motion: Problem, rate: StartRates | None = None) -> None:
+    def before(self, motion: Problem, native: NativeSteps | None = None) -> None:
         """Warn before a run that begins with this motion, where no torque function has to be known.
 
         Parameters
         ----------
-        rate : StartRates, optional
-            The right-hand side by the kernel, which may be asked without harm to the run.
+        native : NativeSteps, optional
+            The run's, by which ẋ may be asked without harm to it.
         """
         if self._listener is None:
-            self._warn(self._too_fast(motion, self._limiting, self.torque, rate))
+            self._warn(self._too_fast(motion, partial(self._limiting, native)))
 
     def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
         if self._listener is not None and self._listener.heard:
-            torque = self._listener.heard[0][3]
-            self._warn(self._too_fast(motion, self._limiting_with_torque, torque))
+            self._warn(self._too_fast(motion, self._limiting_with_torque))
 
-    def parts(self, motion: Problem, rate: StartRates | None = None) -> int:
+    def parts(self, motion: Problem, native: NativeSteps | None = None) -> int:
         """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
 
         More than `MOST_PARTS` ask for an implicit stepper. Parameters are those of `before`.
         """
-        value = None if self._listener else self._too_fast(motion, self._limiting, self.torque, rate)
+        value = None if self._listener else self._too_fast(motion, partial(self._limiting, native))
         if value is None:
             return 1
         parts = 1 << max(1, math.ceil(math.log2(self._step / (INSIDE * stable_step(value)))))
@@ -128,19 +127,13 @@ class StabilityCheck:
         )
         return parts
 
-    def _too_fast(
-        self,
-        motion: Problem,
-        limiting: Callable[[Problem, StartRates | None], complex | None],
-        torque: Torque | ArrayLike | None,
-        rate: StartRates | None = None,
-    ) -> complex | None:
+    def _too_fast(self, motion: Problem, limiting: Callable[[Problem], complex | None]) -> complex | None:
         """The eigenvalue at the start, under a constant torque, that allows no such step; else None."""
         start = motion.start
         if start.trackers or start.point.conditioning < self._options.zone:
             return None
         try:
-            value = limiting(self._beside(start, torque) if rate is None else motion, rate)
+            value = limiting(motion)
         except (RobustGcpError, OverflowError):
             return None
         return None if value is None or self._step <= stable_step(value) else value
@@ -164,21 +157,28 @@ class StabilityCheck:
     def _beside(self, start: Start, torque: Torque | ArrayLike | None) -> Problem:
         """The same start with a path of its own, so that nothing of the run is counted or moved."""
         choice = MapChoice(options=self._options, error_controlled=True)
-        return over(start.afresh(), torque, choice)
+        return Problem(start.afresh(), torque, choice)
 
-    def _limiting(self, motion: Problem, rate: StartRates | None) -> complex | None:
+    def _limiting(self, native: NativeSteps | None, motion: Problem) -> complex | None:
+        rates = None if native is None else native.rates_at_start(motion)
+        if rates is None:
+            motion = self._beside(motion.start, self.torque)
         if motion.mechanism.m > MANY:
-            return limiting_eigenvalue(motion, self._step, rate=rate)
-        A = slopes_at(motion, 0.0, False) if rate is None else rate.slopes(0.0, motion.x)
+            return limiting_eigenvalue(motion, self._step, rate=rates)
+        A = slopes_at(motion, 0.0, False) if rates is None else rates.slopes()
+        if A is None:
+            return None
         # no eigenvalue is larger than the rows' sums; of A in y and h ẏ, times h
         largest = float(np.abs(A * _weights(motion.mechanism.m, self._step)).sum(axis=1).max())
         return Linearisation.of(A).limiting if NEAREST <= largest < np.inf else None
 
-    def _limiting_with_torque(self, motion: Problem, rate: StartRates | None) -> complex | None:
+    def _limiting_with_torque(self, motion: Problem) -> complex | None:
         """Of A with (Gᵀ M G)⁻¹ Gᵀ ∂τ/∂(y, ẏ) of the torque function below; None where that is not known."""
-        answer = _answer(motion.mechanism, self._listener.heard if self._listener else [], self._step)
+        assert self._listener is not None  # there is such a function
+        answer = _answer(motion.mechanism, self._listener.heard, self._step)
         if answer is None:
             return None
+        motion = self._beside(motion.start, self._listener.heard[0][3])
         m, point = motion.mechanism.m, motion.start.point
         inertia, forces = ReducedInertia(motion.mechanism), point.G.T @ answer
 

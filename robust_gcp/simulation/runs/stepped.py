@@ -13,7 +13,7 @@ from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...kernel.simulation.batch import one_by_one
 from ...kernel.simulation.prepared import Prepared
-from ...kernel.simulation.steps import KernelMap, NativeSteps, most_steps
+from ...kernel.simulation.steps import NativeSteps, most_steps
 from ...kernel.structures import Reason
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
@@ -152,7 +152,7 @@ class SteppedRun(FixedRun):
         self._watching = rows.q if self._redundant else None
         watch, best = self._watch_coordinates(), self._recovery.best
         looked = one_by_one(self._events.met, rows, self._begun + 1) if self._events else None
-        return self._native.prepared(self._kernel_map(), last, self.times, rows, watch, best, looked)
+        return self._native.prepared(self._motion, last, self.times, rows, watch, best, looked)
 
     @property
     def zone_evaluations(self) -> int:
@@ -216,15 +216,12 @@ class SteppedRun(FixedRun):
         last = self.last
         self._torques.hold(i, torque, bits)
         t = float(self.times[i])
-        native, explicit = self._native, self._motion.explicit
-        known = None
-        if native is not None and isinstance(explicit, KernelMap):
-            known = native.look(explicit, last, self._x, t)
+        known = None if self._native is None else self._native.look(self._motion, last, self._x, t)
         if known is None:
             self._last = self._motion.equations.at_point(t, last.point)
         else:
             self._last = known
-            self._motion.equations.calls += 1
+            self._counters.rhs += 1
             self._counters.force_evaluations += 1
         self._record.add(i, self._last, self._x)
 
