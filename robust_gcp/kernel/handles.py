@@ -14,7 +14,7 @@ from ..maps.explicit import Point
 from ..maps.grouped import GroupPoint, taken_apart
 from ..maps.regular_path import RegularPath
 from ..mechanism.constraint.couplings import MovingCoupling
-from ..mechanism.coordinates.groups import Groups
+from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
@@ -66,8 +66,6 @@ class Layout:
     mechanism : Mechanism
     path : RegularPath
         Whose blocks the points tell of.
-    groups : Groups or None
-        The joints on groups.
 
     Attributes
     ----------
@@ -77,8 +75,9 @@ class Layout:
         Where its configuration is.
     """
 
-    def __init__(self, mechanism: Mechanism, path: RegularPath, groups: Groups | None) -> None:
-        self._groups, self._nv, self._m = groups, mechanism.nv, mechanism.m
+    def __init__(self, mechanism: Mechanism, path: RegularPath) -> None:
+        self._groups = groups = groups_of(mechanism)
+        self._nv, self._m = mechanism.nv, mechanism.m
         self._charts = charts = loop_charts(path.mechanism)
         if charts is not None:
             self._in_charts = charts.iq if groups is None else groups.rest_iq[charts.iq]

@@ -12,7 +12,7 @@ from ..checks import check_between, check_choice, check_mechanism, check_positiv
 from ..dynamics.equations import Torque
 from ..dynamics.loads import Torques, Wrench, one_torque
 from ..dynamics.prescribed.control import Controls, with_control
-from ..dynamics.prescribed.driven import prescribed, with_still_ground
+from ..dynamics.prescribed.driven import prescribed
 from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..dynamics.tableau import Tableau
@@ -166,7 +166,6 @@ def simulate(
         When the run must stop; `error.trajectory` holds what was simulated until then.
     """
     check_mechanism(mechanism, Mechanism, "simulate")
-    drive = with_still_ground(mechanism, drive, q0)
     unnamed = step is None
     applied: Torque | ArrayLike | None = one_torque(mechanism, torque, wrenches)
     tableau = check_stepper(stepper)
@@ -174,9 +173,10 @@ def simulate(
     duration = last_output(outputs, t0) if duration is None else duration
     duration, step = mechanism.recommended.run(duration, step)
     schedule, step = planned(t0, duration, step, outputs, fixed)
-    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drive is None else v0
+    mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
+    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drives is None else v0
     check_choice("method", method, METHODS)
-    on_toggle = checked_toggle(on_toggle, method, drive is not None)
+    on_toggle = checked_toggle(on_toggle, method, drives is not None)
     check_choice("newton_start", newton_start, ("tangent", "previous"))
     record = checked_record(record)
     _check_flags(progress, hold, stepper, fixed)
@@ -189,13 +189,12 @@ def simulate(
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, method, newton_start)
     again = None
-    if unnamed and is_guarded(tableau, method, drive, applied, backend):
+    if unnamed and is_guarded(tableau, method, drives, applied, backend):
         again = partial(
             simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, ctrl=ctrl,
             events=events, t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol,
             joints=joints, on_toggle=on_toggle, options=options, progress=progress,
         )  # fmt: skip
-    mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
     all_of_it = drives is not None and not len(drives.free)
     choice = MapChoice(method, options, newton_start, threshold, not fixed, all_of_it)
     held = HeldTorque.of(mechanism, applied, ctrl, schedule.times) if hold else None
@@ -211,7 +210,7 @@ def simulate(
     acting = applied if held is None else held
     refused = {
         f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
-        "drive=": drive is not None,
+        "drive=": drives is not None,
     }  # fmt: skip
     given = (q0, v0, mode), acting, kernel, backend == "native"
     if not parts and course.restitution is None:

@@ -113,7 +113,8 @@ def prescribed(
     OptionError
         As `checked_motions` and `driving` do.
     """
-    drive = with_still_ground(mechanism, drive, q0)
+    if mechanism.moved and (drive is None or isinstance(drive, Mapping)):
+        drive = {**_still(mechanism, q0), **(drive or {})}
     if drive is None:
         return mechanism, None
     motions = checked_motions(mechanism, drive, times)
@@ -121,13 +122,10 @@ def prescribed(
     return mechanism, Drive(mechanism, motions, float(times[0]))
 
 
-def with_still_ground(mechanism: Mechanism, drive: Any, q0: ArrayLike | None) -> Any:
-    """`drive` with joints that move the ground held where they are, if nothing moves them."""
-    if not mechanism.moved or not (drive is None or isinstance(drive, Mapping)):
-        return drive
+def _still(mechanism: Mechanism, q0: ArrayLike | None) -> dict[str, Motion]:
+    """Joints that move the ground, held where they are."""
     q = mechanism.configuration(mechanism.home if q0 is None else q0)
-    still = {name: Motion(float(q[mechanism.joint(name).idx_q])) for name in mechanism.moved}
-    return {**still, **(drive or {})}
+    return {name: Motion(float(q[mechanism.joint(name).idx_q])) for name in mechanism.moved}
 
 
 def driving(mechanism: Mechanism, names: tuple[str, ...], q: ArrayLike) -> Mechanism:

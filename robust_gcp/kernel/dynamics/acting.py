@@ -20,43 +20,29 @@ from ..structures import Arrays, Reason, Request, TorqueCallback, address, side_
 
 
 class Driving:
-    """Buffers that a request points to; none where nothing is prescribed.
+    """Buffers for motions that are prescribed, which a request points to.
 
     Parameters
     ----------
     request : Request
     mechanism : Mechanism
-    drive : Drive or None
-
-    Attributes
-    ----------
-    which : tuple of int
-        Which of y are prescribed.
-    of_all : bool
-        Whether all are.
+    drive : Drive
     """
 
-    def __init__(self, request: Request, mechanism: Mechanism, drive: Drive | None) -> None:
+    def __init__(self, request: Request, mechanism: Mechanism, drive: Drive) -> None:
         self._request, self._drive, self._nv = request, drive, mechanism.nv
-        self.which: tuple[int, ...] = () if drive is None else tuple(drive.driven.tolist())
-        self.of_all = len(self.which) == mechanism.m > 0
-        if drive is None:
-            return
         self._columns = mechanism.iv_independent[drive.driven]
-        n = len(self.which)
+        n = len(drive.driven)
         (self._now, self._effort), places = side_by_side({"now": 3 * n, "effort": n})
         request.effort = places["effort"]
 
     def prescribe(self, t: float) -> None:
         """Tell what is prescribed at a time, s."""
-        if self._drive is not None:
-            self._now[:] = np.concatenate(self._drive.motion_at(t))
-            self._request.prescribed = address(self._now)
+        self._now[:] = np.concatenate(self._drive.motion_at(t))
+        self._request.prescribed = address(self._now)
 
-    def effort(self) -> Array | None:
+    def effort(self) -> Array:
         """What the kernel found last that this takes, (nv,), NaN at other joints."""
-        if self._drive is None:
-            return None
         found: Array = np.full(self._nv, np.nan)
         found[self._columns] = self._effort
         return found
@@ -74,7 +60,7 @@ class Acting:
     mechanism : Mechanism
         Its `OwnForces` act as well.
     torque : callable, array_like (nv,) or None
-    driving : Driving
+    driving : Driving or None
         What moves as prescribed.
 
     Attributes
@@ -94,7 +80,7 @@ class Acting:
         request: Request,
         mechanism: Mechanism,
         torque: CheckedTorque | ArrayLike | None,
-        driving: Driving,
+        driving: Driving | None,
     ) -> None:
         self._driving = driving
         nq, nv, n = mechanism.nq, mechanism.nv, len(mechanism.actuators)
@@ -109,7 +95,7 @@ class Acting:
         constant = self._control is None or self._control.constant is not None
         self._varying = None if constant else self._control
         changes = self._held is not None and bool(self._held.stride)  # within the step that it is held over
-        self._changes = changes or self._varying is not None or bool(driving.which)
+        self._changes = changes or self._varying is not None or driving is not None
         self._supplied, self._forces, self._nv = supplied, forces, nv
         self._request, self._callback = request, NO_CALLBACK
         self.raised: list[BaseException] = []
@@ -132,7 +118,8 @@ class Acting:
 
     def prescribe(self, t: float) -> None:
         """Tell what moves as prescribed, and controls and activations that change, at a single time, s."""
-        self._driving.prescribe(t)
+        if self._driving is not None:
+            self._driving.prescribe(t)
         if self._varying is not None:
             self._now[:] = self._varying.over(np.array([t]))[0]
             self._request.control, self._request.control_stride = address(self._now), 0

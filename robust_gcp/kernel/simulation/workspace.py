@@ -14,7 +14,6 @@ from ...dynamics.tableau import Tableau
 from ...maps.cluster.options import LAST_RESORT, PRESCRIBED, BridgeOptions
 from ...maps.explicit import Crossing, Point
 from ...maps.regular_path import RegularPath
-from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..dynamics.acting import Acting, Driving
@@ -75,22 +74,23 @@ class Workspace:
         tableau: Tableau | None = None,
         guard: Guard | None = None,
     ) -> None:
-        self.library, self.path, self._groups = library, path, groups_of(mechanism)
+        self.library, self.path = library, path
         self._acts = mechanism.applied is not None or torque is not None or drive is not None
         self._nq, self._nv, self._m = mechanism.nq, mechanism.nv, mechanism.m
         self.unit = mechanism.units[mechanism.iv_independent]
         self._numbers, self._numbers_in_q = mechanism.numbers, mechanism.iq_numbers
         self._layout: Layout = mechanism.memo.once(
-            ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path, self._groups)
+            ("layout in the kernel", *path.rows.tolist()), lambda: Layout(mechanism, path)
         )
         self._packed: Point | None = None  # that `anchor` holds, where it is known
         self.latest: Point | None = None
         self.request = Request()
-        self._driving = Driving(self.request, mechanism, drive)
-        self._taken = Handle(library, mechanism, path, works, self._driving.which)
+        self._driving = None if drive is None else Driving(self.request, mechanism, drive)
+        driven: tuple[int, ...] = () if drive is None else tuple(drive.driven.tolist())
+        self._taken = Handle(library, mechanism, path, works, driven)
         self.handle, self.handed = self._taken.address, self._taken.handed
         self.shared = Shared(self.request, mechanism, 2 * self._m + int(works), self._layout.size)
-        resort = PRESCRIBED if self._driving.of_all else LAST_RESORT
+        resort = PRESCRIBED if len(driven) == self._m > 0 else LAST_RESORT
         self._choices = Choices(self.request, resort, tableau, guard)
         self.shares, self.reference = self._choices.shares, ctypes.byref(self.request)
         self.acting = Acting(self.request, mechanism, torque, self._driving)
@@ -296,4 +296,5 @@ class Workspace:
         """What the kernel left at its anchor, which is this point."""
         tau = self.shared.tau.copy() if self._acts else None
         v, power = point.G.dot(point.ydot), float(self.request.power)
-        return Evaluation(point, v, self.shared.ydd.copy(), tau, power, self._driving.effort())
+        effort = None if self._driving is None else self._driving.effort()
+        return Evaluation(point, v, self.shared.ydd.copy(), tau, power, effort)

@@ -48,34 +48,37 @@ class Coarse:
 
     def judge(self, run: Trajectory) -> None:
         """Warn of a whole run."""
-        self._warn(self.fault(run))
+        fault = self.fault(run)
+        if fault is not None:
+            warn(fault, CoarseStepWarning)
 
     def fault(self, run: Trajectory) -> str | None:
         """What tells that the steps of a whole run were too long: how far they go, else its energy."""
         if len(run.t) < 2:
             return None
-        if not self._far and not self._fastest(run) <= FARTHEST:
+        # at least the largest motion of a joint in a step: cheaper than a look at each step
+        fastest = float((np.abs(run.v).max(axis=0) * self._pace_of_step).max(initial=0.0))
+        if not self._far and not fastest <= FARTHEST:
             far = np.abs(run.v[:-1] * self._pace).max(axis=1) * np.minimum(np.diff(run.t), self._step)
             i = int(np.argmax(far))
             found = self._jump(float(run.t[i]), float(far[i]))
             if found is not None:
                 return found
-        return None if self._told else self._leak(run)
-
-    def _fastest(self, run: Trajectory) -> float:
-        """At least the largest motion of a joint in a step: cheaper than a look at each step."""
-        return float((np.abs(run.v).max(axis=0) * self._pace_of_step).max(initial=0.0))
+        return None if self._loops and self._far else self._leak(run)
 
     def look(self, t: float, v: Array) -> None:
         """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
         if not self._far:
             far = v * self._pace_of_step
-            if not far.dot(far) < FARTHEST**2:  # else no entry is as large
-                self._warn(self._jump(t, float(np.abs(far).max())))
+            fault = None if far.dot(far) < FARTHEST**2 else self._jump(t, float(np.abs(far).max()))
+            if fault is not None:
+                warn(fault, CoarseStepWarning)
 
     def weigh(self, run: Trajectory) -> None:
         """Warn where a run gained or lost more energy than its torques account for."""
-        self._warn(self._leak(run))
+        fault = self._leak(run)
+        if fault is not None:
+            warn(fault, CoarseStepWarning)
 
     def _leak(self, run: Trajectory) -> str | None:
         last = len(run.t) - 1
@@ -100,10 +103,6 @@ class Coarse:
             'error-controlled stepper="DOP853"'
         )
 
-    @property
-    def _told(self) -> bool:
-        return self._leaked or (self._far and self._loops)
-
     def _jump(self, t: float, far: float) -> str | None:
         if not far > FARTHEST:
             return None
@@ -113,7 +112,3 @@ class Coarse:
             "large there, and crossings in such a step may be missing from the list; use a step of "
             f"{0.1 * FARTHEST * self._step / far:.1g} s"
         )
-
-    def _warn(self, fault: str | None) -> None:
-        if fault is not None:
-            warn(fault, CoarseStepWarning)
