@@ -90,20 +90,13 @@ class Problem:
         rest = self.explicit.rest
         return rest.written if isinstance(rest, ClusterMap) and rest.in_zone else None
 
-    def resume(
-        self,
-        anchor: Point,
-        trackers: Callable[[], Array] | None,
-        in_zone: bool | None = None,
-        met: bool | None = None,
-    ) -> None:
+    def resume(self, anchor: Point, trackers: Callable[[], Array] | None) -> None:
         """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
-        if self._explicit is None and in_zone is None:
+        if self._explicit is None:
             self._reached = anchor, trackers
-            return
-        explicit = self.explicit
-        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
-        explicit.resume(anchor, trackers, in_zone, met)
+        else:
+            assert isinstance(self._explicit, KernelMap)  # the kernel knows no other map
+            self._explicit.resume(anchor, trackers)
 
 
 def initial_value_problem(

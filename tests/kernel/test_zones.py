@@ -17,6 +17,7 @@ from robust_gcp.maps.cluster.space import space_of
 from robust_gcp.maps.cluster.tracker_numbers import read, written
 from robust_gcp.maps.four_bar import FourBar
 from robust_gcp.simulation.runs.crossings import point_of_rest
+from robust_gcp.simulation.runs.steppers import rk4_step
 
 from ..compiled import needs_kernel
 
@@ -162,6 +163,31 @@ def test_trackers_pass_between_the_backends(name: str) -> None:
     again = explicit.point_at(here.y, here.ydot)
     assert np.abs(again.q - here.q).max() < 1e-13
     assert np.abs(again.G - here.G).max() < 1e-11
+
+
+@pytest.mark.parametrize("name", list(SCENES))
+@pytest.mark.parametrize("inside", [False, True])
+def test_a_map_made_on_the_way_is_where_the_motion_is(name: str, inside: bool) -> None:
+    """On regular ground and in zones: a step in Python from there is the kernel's next one."""
+    make, ydot, *_ = SCENES[name]
+    mechanism = make()
+    sim = rg.Simulation(mechanism, v0=mechanism.lift(mechanism.home, ydot), backend="native")
+    run, motion = sim._run, sim._run._motion
+    for _ in range(400):
+        sim.step()
+        run.settle()
+        assert run._motion is motion and motion._explicit is None  # which the kernel does not ask for
+        if (motion.trackers is not None) is inside:
+            break
+    else:
+        raise AssertionError("no such place was met")
+    np.testing.assert_array_equal(motion.explicit.anchor.q, sim.q)
+    f, x, h = motion.equations, run._x.copy(), 1e-3
+    after = rk4_step(f, sim.t, x, h, f(sim.t, x))
+    wanted = motion.explicit.point_at(after[: mechanism.m], after[mechanism.m : 2 * mechanism.m]).q
+    other = rg.Simulation(mechanism, v0=mechanism.lift(mechanism.home, ydot), backend="native")
+    other.step(n=round((sim.t + h) / h))
+    assert np.abs(other.q - wanted).max() < 1e-12
 
 
 @pytest.mark.parametrize(

@@ -12,6 +12,7 @@ from ...errors import SimulationError
 from ...kernel.simulation.batch import count_in
 from ...kernel.simulation.rates import Rates
 from ...kernel.simulation.steps import NativeSteps
+from ...maps.choice import KernelMap
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.explicit import Crossing
 from ...mechanism.tree.tree import Array
@@ -119,7 +120,9 @@ class Following:
         if self._rates is None:
             return
         now, trackers, in_zone, met = self._rates.told()
-        self._motion.resume(now.point, trackers, in_zone, met)
+        explicit = self._motion.explicit
+        assert isinstance(explicit, KernelMap)  # the kernel knows no other map
+        explicit.resume(now.point, trackers, in_zone, met)
 
     def looked(self) -> None:
         """What was met on the way was told of, and the limit of the coordinates may be another."""
