@@ -26,9 +26,9 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part, parts_given
 from .events import EventFunction, checked_events
 from .runs.course import Course
-from .runs.retries import is_guarded
 from .runs.schedule import last_output, planned
 from .runs.steppers import check_stepper
+from .runs.unnamed_steps import is_guarded
 from .trajectories.acted import Acted
 from .trajectories.trajectory import Trajectory
 
@@ -83,7 +83,7 @@ def simulate(
         s; what the mechanism recommends when left out, 1 and 1e-3 where it says nothing. The step of RK4;
         for the other steppers the spacing of the output. If the duration is no multiple of it, the last
         step is shorter. A step that is left out is only the spacing of the output where RK4 needs shorter
-        ones at the start, or turns out to: see `runs.retries`.
+        ones at the start, or turns out to: see `runs.unnamed_steps`.
     method : {"bridge", "projection", "classical", "closed_form"}
         The explicit map: certified bridges through singular configurations (default), the paper's
         Eq. (7), classical GCP (Eq. 4), or the planar four-bar in closed form.

@@ -15,10 +15,10 @@ from ...errors import OptionError
 from ...mechanism.building.lengths import Along, in_parts
 from ...mechanism.building.variable_geometry import is_geometry
 from ..batches.runs import Runs
-from ..runs.retries import require_steps
 from ..trajectories.trajectory import Trajectory
 from .cost import Cost, Gradient
 from .reverse_sweep import ReverseSweep
+from .run_again import require_steps
 
 
 @overload

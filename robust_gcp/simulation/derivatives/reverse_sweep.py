@@ -27,12 +27,12 @@ from ...kernel.derivatives.step_derivatives import Derivation
 from ...mechanism.building.variable_geometry import still_rows
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..runs.retries import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
 from ..trajectories.trajectory import Trajectory
 from .accelerations import derivatives
 from .cost import Cost, Gradient, Slopes, reduced
 from .drive_derivatives import DriveSweep
 from .kernel_sweep import Backwards, backwards, kernel_of
+from .run_again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
 from .running_cost import Along, running_along
 from .step_derivatives import WHAT, Follower, differentiated
 from .step_of_motion import Acting, Moved

@@ -13,8 +13,8 @@ from ...errors import OptionError
 from ...mechanism.tree.tree import Array
 from ..phases.chain import Chain
 from ..phases.links import Link, whole
-from ..runs.retries import require_steps
 from ..trajectories.trajectory import Trajectory
+from .run_again import require_steps
 
 
 @dataclass(frozen=True)

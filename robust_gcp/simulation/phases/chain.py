@@ -19,11 +19,11 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.accelerations import derivatives
 from ..derivatives.kernel_sweep import kernel_of
+from ..derivatives.run_again import require_end
 from ..derivatives.serving_coordinates import serving
 from ..derivatives.step_derivatives import differentiated
 from ..derivatives.step_of_motion import Acting
 from ..runs.coordinates import in_coordinates
-from ..runs.retries import require_end
 from ..trajectories.trajectory import Trajectory
 from .decision import Phase
 from .links import Link, Turned, whole

@@ -30,7 +30,6 @@ from ..trajectories.trajectory import Trajectory
 from .fixed_steps import FixedRun
 from .initial_state import Given, initialise
 from .recovery import add_remedy
-from .retries import STIFF, taken_again, words_of
 from .run import Run
 from .schedule import Schedule, planned
 from .solver_run import AdaptiveRun
@@ -38,6 +37,7 @@ from .stability import MOST_PARTS, StabilityCheck
 from .stepped import SteppedRun
 from .steppers import rk4_step
 from .too_long_steps import Coarse
+from .unnamed_steps import STIFF, taken_again, words_of
 
 Again = Callable[..., Trajectory]
 Progress = Callable[[float], None] | bool | None
