@@ -54,7 +54,7 @@ class Problem:
         self, start: Start, torque: Torque | ArrayLike | None, choice: MapChoice, drive: Drive | None = None
     ) -> None:
         self.mechanism, self.counters = start.mechanism, start.path.counters
-        self.start, self.choice, self.drive, self._torque = start, choice, drive, torque
+        self.start, self.choice, self.drive, self.torque = start, choice, drive, torque
         self.works = drive is not None or does_work(self.mechanism, torque)
         self.x: Array = np.concatenate([start.point.y, start.ydot, np.zeros(int(self.works))])
         self.first: Evaluation | None = None
@@ -74,8 +74,8 @@ class Problem:
     def equations(self) -> EquationsOfMotion:
         """ẋ = f(t, x)."""
         if self.drive is None:
-            return EquationsOfMotion(self.mechanism, self.explicit, self._torque)
-        return DrivenEquations(self.mechanism, self.explicit, self._torque, self.drive)
+            return EquationsOfMotion(self.mechanism, self.explicit, self.torque)
+        return DrivenEquations(self.mechanism, self.explicit, self.torque, self.drive)
 
     @property
     def path(self) -> RegularPath:

@@ -3,31 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..dynamics.loads import Wrench
+from ..dynamics.prescribed.drive import Drive
 from ..dynamics.prescribed.driven import prescribed
 from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
 from ..errors import OptionError
 from ..kernel.library import Library
-from ..kernel.simulation.steps import NativeSteps
 from ..maps.choice import MapChoice
-from ..maps.explicit import Counters
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.parts import Part
 from ..mechanism.tree.tree import Array
 from .events import Event
 from .runs.coordinates import in_coordinates
 from .runs.course import Course
-from .runs.initial_state import Given, initialise
+from .runs.initial_state import Given
 from .runs.schedule import Keep, Schedule
 from .runs.stability import StabilityCheck
 from .runs.stepped import SteppedRun
-from .runs.steppers import rk4_step
 from .simulate import checked_toggle
 from .trajectories.acted import Acted
 
@@ -101,30 +99,29 @@ class StepwisePlan:
             raise
 
     def _stepped(self, start: Given, independent: Sequence[str]) -> tuple[Mechanism, SteppedRun]:
-        choice, held, counters, t0 = self.choice, self.held, Counters(), self.t0
-        mechanism, drives = prescribed(self.mechanism, self.drive, start[0], np.array([t0, t0 + self.step]))
-        native = None if self.kernel is None else NativeSteps(self.kernel, held.native, self.required, drives)
-        toggle = checked_toggle(None, choice.method, drives is not None)
-        at_first = mechanism
-        if independent and toggle == "repartition":
-            at_first = in_coordinates(mechanism, independent)
-        problem = initialise(native, at_first, start, held, choice, counters, toggle, drives, t0)
+        span = np.array([self.t0, self.t0 + self.step])
+        mechanism, drives = prescribed(self.mechanism, self.drive, start[0], span)
+        course = at_first = self._course(mechanism, drives, ROOM)
+        if independent and course.on_toggle == "repartition":
+            at_first = replace(course, mechanism=in_coordinates(mechanism, independent))
+        motion, native = at_first.initialise(start, self.held, self.kernel, self.required)
         if drives is None:
-            StabilityCheck(mechanism, None, self.step, choice.options).before(problem, native)
-        run = SteppedRun(
-            held, rk4_step, native, problem, choice, held, Schedule.every(self.clock(0, ROOM)), self.record,
-            counters, toggle, events=self.events, named=mechanism, keep=self.keep,
-        )  # fmt: skip
-        run.acted = Acted.driven(drives, wrenches=tuple(self.wrenches))
+            StabilityCheck(mechanism, None, self.step, self.choice.options).before(motion, native)
+        run = course.made(motion, native)
+        assert isinstance(run, SteppedRun)  # as torques are held
         return mechanism, run
 
     def _phased(self, start: Given) -> tuple[Mechanism, PhasedRun]:
         from .phases.phased_simulation import PhasedRun  # a simulation without them need not load them
 
-        mechanism, toggle = self.mechanism, checked_toggle(None, self.choice.method, False)
-        course = Course(
-            mechanism, Schedule.every(self.clock(0, 2)), self.step, self.step, self.choice, None, "rk4", None,
-            Acted(wrenches=tuple(self.wrenches)), self.record, self.events, toggle,
-        )  # fmt: skip
         told = self.held, start, self.t0, self.keep, self.kernel, self.required
-        return mechanism, PhasedRun(course, self.parts, *told)
+        return self.mechanism, PhasedRun(self._course(self.mechanism, None, 2), self.parts, *told)
+
+    def _course(self, mechanism: Mechanism, drives: Drive | None, outputs: int) -> Course:
+        """What a run is to do, with room for so many outputs."""
+        toggle = checked_toggle(None, self.choice.method, drives is not None)
+        acted = Acted.driven(drives, wrenches=tuple(self.wrenches))
+        return Course(
+            mechanism, Schedule.every(self.clock(0, outputs)), self.step, self.step, self.choice, drives,
+            "rk4", None, acted, self.record, self.events, toggle, keep=self.keep,
+        )  # fmt: skip

@@ -19,7 +19,6 @@ from robust_gcp.kernel.library import library
 from robust_gcp.kernel.simulation.steps import NativeSteps
 from robust_gcp.maps.choice import MapChoice
 from robust_gcp.maps.cluster.options import BridgeOptions
-from robust_gcp.maps.explicit import Counters
 from robust_gcp.simulation.runs.initial_state import initialise
 from robust_gcp.simulation.runs.stability import StabilityCheck
 
@@ -154,7 +153,7 @@ def begun_in_the_kernel(
     assert kernel is not None
     native = NativeSteps(kernel, tau, required=True)
     start = mech.home, v0, None
-    motion = initialise(native, mech, start, tau, MapChoice(), Counters(), "repartition", None, 0.0)
+    motion = initialise(native, mech, start, tau, MapChoice(), "repartition", None, 0.0)
     return motion, native
 
 

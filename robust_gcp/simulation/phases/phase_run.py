@@ -14,9 +14,9 @@ from ...dynamics.equations import Torque
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import ClosureError, PartitionError, SimulationError
 from ...kernel.simulation.steps import NativeSteps
-from ...maps.explicit import Counters
 from ...mechanism.tree.tree import Array, Tree
 from ..runs.coordinates import Coordinates
+from ..runs.fixed_steps import FixedRun
 from ..runs.initial_state import initialise
 from ..runs.schedule import Schedule
 from ..runs.stability import StabilityCheck
@@ -26,7 +26,6 @@ from ..trajectories.interpolant import Interpolant
 if TYPE_CHECKING:
     from ...dynamics.problem import Problem
     from ..runs.course import Course
-    from ..runs.fixed_steps import FixedRun
     from ..trajectories.trajectory import Trajectory
     from .machine import Machines
 
@@ -78,14 +77,13 @@ def _steadier(
     start: tuple[Array, Array, ArrayLike | None],
     torque: Torque | ArrayLike | None,
     native: NativeSteps | None,
-    counters: Counters,
 ) -> Problem:
     """The start in coordinates that say its velocity better, if any: near a turn they lose digits."""
     mechanism = motion.mechanism
-    names = Coordinates(mechanism, mechanism.independent, counters).at_rest(start[0])
+    names = Coordinates(mechanism, mechanism.independent, motion.counters).at_rest(start[0])
     if names is None or plan.on_toggle == "error":
         return motion
-    acting = torque, plan.choice, counters, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
+    acting = torque, plan.choice, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
     with contextlib.suppress(SimulationError, PartitionError):
         other = initialise(native, mechanism.with_independent(names), start, *acting)
         if _shifted(other, start[1]) < 0.1 * _shifted(motion, start[1]):
@@ -127,29 +125,18 @@ class Leg:
             given = None if held else torque
             self._stability = StabilityCheck(plan.mechanism, given, plan.step, plan.choice.options)
             torque = torque if held else self._stability.torque
-        self._motion, native, counters = plan.initialise(start, torque, machines.kernel, machines.required)
+        self._motion, native = plan.initialise(start, torque, machines.kernel, machines.required)
         if _shifted(self._motion, start[1]) > SAME:
-            self._motion = _steadier(self._motion, plan, start, torque, native, counters)
+            self._motion = _steadier(self._motion, plan, start, torque, native)
         if self._stability is not None:
             self._stability.before(self._motion, native)
         self._native = native
-        self._run = self._made(self._motion, torque, native, counters)
+        run = plan.made(self._motion, native)
+        assert isinstance(run, FixedRun)  # no solver goes with phases
+        self._run = run
         before = machines.before
         if before is not None and before[0] is plan.mechanism:
             self._run.goes_on(before[1])
-
-    def _made(
-        self,
-        motion: Problem,
-        torque: Torque | ArrayLike | None,
-        native: NativeSteps | None,
-        counters: Counters,
-    ) -> FixedRun:
-        from ..runs.fixed_steps import FixedRun
-
-        run = self._plan.made(motion, torque, native, counters, None)
-        assert isinstance(run, FixedRun)  # no solver goes with phases
-        return run
 
     @property
     def at(self) -> int:

@@ -20,7 +20,6 @@ from ...kernel.library import Library
 from ...kernel.simulation.guard import Guard
 from ...kernel.simulation.steps import NativeSteps
 from ...maps.choice import MapChoice
-from ...maps.explicit import Counters
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Part
 from ...printing import progress_bar
@@ -31,7 +30,7 @@ from .fixed_steps import FixedRun
 from .initial_state import Given, initialise
 from .recovery import add_remedy
 from .run import Run
-from .schedule import Schedule, planned
+from .schedule import ALL, Keep, Schedule, planned
 from .solver_run import AdaptiveRun
 from .stability import MOST_PARTS, StabilityCheck
 from .stepped import SteppedRun
@@ -72,6 +71,8 @@ class Course:
         What is to stay within bounds; the run pauses after a step in which it may not have.
     restitution : float or None
         Of the motion's speed at a cusp; None where it ends there.
+    keep : Keep
+        Which outputs stay where there is no more room for them.
     """
 
     mechanism: Mechanism
@@ -89,6 +90,7 @@ class Course:
     checked: bool = True
     guard: Guard | None = None
     restitution: float | None = None
+    keep: Keep = ALL
 
     def run(
         self,
@@ -119,13 +121,13 @@ class Course:
                 self.mechanism, None if held else torque, self.step, self.choice.options
             )
             torque = torque if held else stability.torque
-        motion, native, counters = self.initialise(start, torque, kernel, required)
+        motion, native = self.initialise(start, torque, kernel, required)
         # By its Jacobian at the start: where RK4 would need more than `MOST_PARTS` parts, stiffly.
         if stability is not None and not self._stable(stability, native, motion, again):
             assert again is not None  # nothing else is not stable
             return again(stepper=STIFF)
         with _reporting(progress, self.schedule, self.mechanism.name) as report:
-            run = self.made(motion, torque, native, counters, report)
+            run = self.made(motion, native, report)
             try:
                 fault = self.gone(run, begun, again is not None, run.go)
             finally:
@@ -138,14 +140,14 @@ class Course:
 
     def initialise(
         self, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None, required: bool
-    ) -> tuple[Problem, NativeSteps | None, Counters]:
-        """The motion at its start, what takes its steps natively, and what is counted."""
-        counters, own = Counters(), self.tableau if isinstance(self.tableau, Tableau) else None
+    ) -> tuple[Problem, NativeSteps | None]:
+        """The motion at its start, and what takes its steps natively."""
+        own = self.tableau if isinstance(self.tableau, Tableau) else None
         acts = torque.native if isinstance(torque, HeldTorque) else torque
         native = None if kernel is None else NativeSteps(kernel, acts, required, self.drives, own, self.guard)
         t0 = float(self.schedule.times[0])
-        given = self.mechanism, start, torque, self.choice, counters, self.on_toggle, self.drives, t0
-        return initialise(native, *given), native, counters
+        given = self.mechanism, start, torque, self.choice, self.on_toggle, self.drives, t0
+        return initialise(native, *given), native
 
     def through_phases(
         self, joints: Sequence[Part], start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
@@ -179,27 +181,17 @@ class Course:
         return True
 
     def made(
-        self,
-        motion: Problem,
-        torque: Torque | ArrayLike | None,
-        native: NativeSteps | None,
-        counters: Counters,
-        report: Callable[[float], None] | None,
+        self, motion: Problem, native: NativeSteps | None, report: Callable[[float], None] | None = None
     ) -> Run:
         """The run that goes on from there."""
-        parts = (
-            motion, self.choice, torque, self.schedule, self.record, counters, self.on_toggle, report,
-            self.events, self.mechanism,
-        )  # fmt: skip
-        take = self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step
+        more = report, self.events, self.mechanism, self.keep
+        parts = (motion, self.schedule, self.record, self.on_toggle, *more)
         run: Run
         if self.solver is not None:
             run = AdaptiveRun(*self.solver, native, *parts)
-        elif isinstance(torque, HeldTorque):
-            run = SteppedRun(torque, take, native, *parts)
         else:
-            run = FixedRun(take, native, *parts)
-        if isinstance(run, FixedRun):
+            kind = SteppedRun if isinstance(motion.torque, HeldTorque) else FixedRun
+            run = kind(self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step, native, *parts)
             run.guard = self.guard
         run.acted = self.acted
         return run

@@ -195,7 +195,7 @@ class RefinedRun(Run):
                 first = turned(begun.point, mechanism)
                 first_x = np.concatenate([first.y, first.ydot])
             else:
-                start = initial_value_problem(mechanism, begun.point.q, begun.v, choice=self._choice)
+                start = initial_value_problem(mechanism, begun.point.q, begun.v, choice=self._motion.choice)
                 first, first_x = start.start.point, start.x[: 2 * m]
             # where the step began is put into the new coordinates too: `Recovery` may go back to it
             self._x = x

@@ -196,7 +196,6 @@ def initialise(
     start: Given,
     torque: Torque | ArrayLike | None,
     choice: MapChoice,
-    counters: Counters,
     on_toggle: str,
     drives: Drive | None,
     t0: float,
@@ -214,7 +213,7 @@ def initialise(
     StateError, ClosureError, OptionError, SimulationError
         As `dynamics.problem.initial_value_problem` does.
     """
-    q0, v0, mode = start
+    (q0, v0, mode), counters = start, Counters()
     if mode is None:
         motion = _plain(native, mechanism, q0, v0, torque, choice, counters, drives, t0)
         if motion is not None:

@@ -8,12 +8,10 @@ from contextlib import suppress
 from dataclasses import fields
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from ...dynamics.equations import Evaluation, Torque
+from ...dynamics.equations import Evaluation
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
-from ...maps.choice import MapChoice
 from ...maps.classical import SingularityWarning
 from ...maps.cluster.cluster_map import ClusterMap
 from ...maps.explicit import Counters, Point
@@ -46,13 +44,9 @@ class Run:
     ----------
     motion : Problem
         What the run begins with; a change of coordinates replaces it.
-    choice : MapChoice
-        Its explicit map, for the next ones.
-    torque : callable, array_like or None
     schedule : Schedule
         Steps and outputs.
     record : sequence of {"a", "energy", "multipliers", "tau"}
-    counters : Counters
     on_toggle : {"error", "repartition"}
     progress : callable (fraction) or None
     events : sequence of Event, or Events
@@ -78,19 +72,16 @@ class Run:
     def __init__(
         self,
         motion: Problem,
-        choice: MapChoice,
-        torque: Torque | ArrayLike | None,
         schedule: Schedule,
         record: Sequence[str],
-        counters: Counters,
         on_toggle: str,
         progress: Callable[[float], None] | None = None,
         events: Sequence[Event] | Events = (),
         named: Mechanism | None = None,
         keep: Keep = ALL,
     ) -> None:
-        self._motion, self._x, self._choice = motion, motion.x, choice
-        self._torque, self._schedule, self._counters = torque, schedule, counters
+        self._motion, self._x, self._counters = motion, motion.x, motion.counters
+        self._schedule = schedule
         self._on_toggle, self._progress = on_toggle, progress
         self._named = motion.mechanism if named is None else named
         times = schedule.times
@@ -127,7 +118,7 @@ class Run:
 
         motion, record = self._motion, self._record
         state = record.time, *record.state()
-        end, options = float(self.times[-1]), self._choice.options
+        end, options = float(self.times[-1]), motion.choice.options
         with suppress(SimulationError, np.linalg.LinAlgError):  # the cusp is told of without it
             arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
 
@@ -240,14 +231,14 @@ class Run:
 
     def _problem_in(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
         """The motion from here on in the coordinates of `mechanism`."""
-        explicit = self._motion.explicit
+        motion, explicit = self._motion, self._motion.explicit
         apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
         if apart is not None:
             path, point, trackers = apart
             start = Start(path, point, v[mechanism.iv_independent], trackers)
-            return Problem(start, self._torque, self._choice)
-        torque, choice, counters = self._torque, self._choice, self._counters
-        return initial_value_problem(mechanism, here.q, v, torque=torque, choice=choice, counters=counters)
+            return Problem(start, motion.torque, motion.choice)
+        more = None, motion.torque, motion.choice, motion.counters
+        return initial_value_problem(mechanism, here.q, v, *more)
 
     # --------------------------------------------------------------------- record
 

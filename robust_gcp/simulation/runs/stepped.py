@@ -26,10 +26,7 @@ from .held_torques import HeldTorques
 from .schedule import Schedule
 from .within_steps import End
 
-FIXED = (
-    "_choice", "_torque", "_take", "_native", "_progress", "_counters", "_on_toggle", "_named", "_lean",
-    "acted",
-)  # fmt: skip
+FIXED = ("_take", "_native", "_progress", "_counters", "_on_toggle", "_named", "_lean", "acted")
 """What of a run no step changes, or what counts on."""
 
 
@@ -41,17 +38,17 @@ class SteppedRun(FixedRun):
 
     Parameters
     ----------
-    held : HeldTorque
-        The torque of the run.
-    more
-        As for `FixedRun`.
+    more, options
+        As for `FixedRun`; the torque of the motion is a `HeldTorque`.
     """
 
     happenings: tuple[Any, ...] = ()
     dissipated = 0.0
 
-    def __init__(self, held: HeldTorque, *more: Any, **options: Any) -> None:
+    def __init__(self, *more: Any, **options: Any) -> None:
         super().__init__(*more, **options)
+        held = self._motion.torque
+        assert isinstance(held, HeldTorque)  # no other is held
         self._torques = HeldTorques(held)
         self._lean: Prepared | None = None
         self._begun = 0  # where the steps began that the kernel has not told of
