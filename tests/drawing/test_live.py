@@ -104,6 +104,15 @@ def test_playing_takes_the_time_of_the_motion_with_nobody_looking_on() -> None:
         assert time.monotonic() - begin < 2.0
 
 
+def test_a_motion_without_outputs_is_refused() -> None:
+    rhombus = rg.load("rhombus")
+    empty = rg.Trajectory(rhombus, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
+    with pytest.raises(rg.StateError, match="empty"):
+        rg.live(empty)
+    with rg.live(rhombus) as viewer, pytest.raises(rg.StateError, match="empty"):
+        viewer.play(empty)
+
+
 def test_closing_frees_port_and_thread_and_may_be_repeated() -> None:
     before = set(threading.enumerate())
     viewer = rg.live(rg.load("rhombus"))

@@ -10,12 +10,14 @@ import numpy as np
 from ...checks import check_positive, path_given
 from ...errors import MissingExtraError, OptionError
 from ...mechanism.tree.tree import Array
-from .draw import Sampled, prepared, view_of
+from .draw import prepared, view_of
 from .mechanism import draw_pose, poses
 from .style import require_matplotlib, style
 
 if TYPE_CHECKING:
     from matplotlib.animation import AbstractMovieWriter
+
+    from ...simulation.trajectories.trajectory import Trajectory
 
 ENDINGS = (".gif", ".mp4")
 
@@ -31,7 +33,7 @@ SHORTEST = 2
 """... and viewers show a frame for at least two of them."""
 
 
-def animate(run: Sampled, path: str | Path, fps: float = 25.0, speed: float = 1.0) -> Path:
+def animate(run: Trajectory, path: str | Path, fps: float = 25.0, speed: float = 1.0) -> Path:
     """Write a motion as a file that plays; see `Trajectory.animate`."""
     place = path_given("path", path)
     require_writer(place)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -20,6 +20,8 @@ from .style import new_figure, require_file, require_matplotlib, save, style
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from ...simulation.trajectories.trajectory import Trajectory
 
 ROOM = 0.08
 """Around a picture, as a share of its larger side."""
@@ -41,17 +43,6 @@ APART = 7.0
 
 FAINT, CLEAR = 0.12, 0.4
 """Opacity of the first and of the last but one of several configurations."""
-
-
-class Sampled(Protocol):
-    """What is drawn of a `Trajectory`."""
-
-    mechanism: Mechanism
-    t: Array
-
-    def at(self, t: ArrayLike) -> Any:
-        """The motion at these times."""
-        ...
 
 
 def draw(
@@ -97,7 +88,7 @@ def draw(
 
 
 def strobe(
-    run: Sampled,
+    run: Trajectory,
     n: int = 8,
     path: str | Path | None = None,
     between: Sequence[float] | None = None,

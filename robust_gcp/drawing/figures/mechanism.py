@@ -158,16 +158,16 @@ def draw_pose(
             continue
         rim, edges = outline(points, at.size)
         if rim:
-            _fill(ax, points[rim], facecolor=paint, alpha=0.35 * alpha, edgecolor="none", zorder=1.9)
+            fill(ax, points[rim], facecolor=paint, alpha=0.35 * alpha, edgecolor="none", zorder=1.9)
         for line in [[*rim, rim[0]]] if rim else edges:
             ax.plot(*points[list(line)].T, linewidth=scale * width, solid_joinstyle="round", **looks)
     if not pins:
         return
     drop = 0.01 * float(np.ptp(at.points, axis=0).max()) * at.up
-    for point in at.pivots:
-        ax.plot(*_single(point - drop), zorder=1.5, clip_on=False, **{**PIVOT, "markersize": 11 * scale})
+    for point in at.pivots:  # as lists of one, which axes in space need
+        ax.plot(*(point - drop)[:, None], zorder=1.5, clip_on=False, **{**PIVOT, "markersize": 11 * scale})
     for point in np.vstack([at.pivots, at.pins]):
-        ax.plot(*_single(point), zorder=3, clip_on=False, **{**PIN, "markersize": 3.2 * scale})
+        ax.plot(*point[:, None], zorder=3, clip_on=False, **{**PIN, "markersize": 3.2 * scale})
 
 
 def body_legend(figure: Figure | SubFigure, mechanism: ClosedLoops) -> None:
@@ -203,12 +203,7 @@ def _shades(color: str, count: int) -> list[Any]:
     return [tuple(c.tolist()) for c in mixed]
 
 
-def _single(point: Array) -> Array:
-    """Coordinates of one point as lists of one, which axes in space need."""
-    return point[:, None]
-
-
-def _fill(ax: Axes, corners: Array, **looks: Any) -> None:
+def fill(ax: Axes, corners: Array, **looks: Any) -> None:
     """A plate (n, 2), or in space (n, 3)."""
     if corners.shape[1] == 2:
         ax.fill(*corners.T, **looks)

@@ -10,6 +10,7 @@ import numpy as np
 from ...analysis.configuration_space import ConfigurationSpace
 from ...mechanism.tree.tree import Array
 from .axes import TorusAxis, segments
+from .mechanism import fill
 from .style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 
 if TYPE_CHECKING:
@@ -142,7 +143,7 @@ def draw_space(ax: Any, space: ConfigurationSpace, axes: Sequence[TorusAxis]) ->
         if len(tangents) == 2:
             (_, place, one), (_, _, two) = tangents
             corners = np.array([place + one, place + two, place - one, place - two])
-            _patch(ax, corners)
+            fill(ax, corners, facecolor="0.5", alpha=0.12, edgecolor="none")  # a piece of the plane ker K
         if tangents:
             place = tangents[0][1]
             ax.plot(*place[:, None], "o", color="white", markeredgecolor=BLACK, markersize=4.5, zorder=9)
@@ -162,10 +163,3 @@ def draw_space(ax: Any, space: ConfigurationSpace, axes: Sequence[TorusAxis]) ->
     ax.zaxis.labelpad = -1.5
     ax.zaxis.label.set_rotation(90.0)
     ax.view_init(elev=20.0, azim=-120.0)
-
-
-def _patch(ax: Any, corners: Array) -> None:
-    """A piece of the plane ker K."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    ax.add_collection3d(Poly3DCollection([corners], facecolor="0.5", alpha=0.12, edgecolor="none"))

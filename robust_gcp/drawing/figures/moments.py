@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -12,9 +12,8 @@ from .style import BLACK, BLUE, GREEN, GREY, ORANGE, PURPLE, SKY, VERMILLION, ma
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...maps.explicit import Crossing
     from ...mechanism.tree.tree import Array
-    from ...simulation.phases.happening import Happening
+    from ...simulation.trajectories.trajectory import Trajectory
 
 CROSSING = "crossing"
 """Label of their dotted lines."""
@@ -53,15 +52,6 @@ SMALL: dict[str, Any] = {"linestyle": "none", "markersize": 3.5, "markerfacecolo
 """Their markers."""
 
 
-class Eventful(Protocol):
-    """What is marked of a `Trajectory`."""
-
-    t: Array
-    crossings: list[Crossing]
-    t_events: list[Array]
-    happenings: list[Happening]
-
-
 class Moments(NamedTuple):
     """Times of one kind, s, and how they look: as lines over time, as markers on a curve over a column."""
 
@@ -70,7 +60,7 @@ class Moments(NamedTuple):
     marker: dict[str, Any]
 
 
-def moment_names(runs: Iterable[Eventful]) -> list[str]:
+def moment_names(runs: Iterable[Trajectory]) -> list[str]:
     """Labels that the marks of all runs may have: crossings, each event, then kinds of happenings."""
     given = list(runs)
     count = max((len(run.t_events) for run in given), default=0)
@@ -79,14 +69,14 @@ def moment_names(runs: Iterable[Eventful]) -> list[str]:
     return [CROSSING, *([EVENT] if count == 1 else [f"{EVENT} {k}" for k in range(count)]), *found]
 
 
-def mark_moments(axes: Sequence[Axes], run: Eventful, names: Sequence[str]) -> None:
+def mark_moments(axes: Sequence[Axes], run: Trajectory, names: Sequence[str]) -> None:
     """Mark them by lines through panels over time."""
     for name, moments in _moments(run, names).items():
         for t in moments.times:
             mark_time(axes, t, label=name, **moments.line)
 
 
-def mark_places(ax: Axes, run: Eventful, x: Array, y: Array, names: Sequence[str]) -> None:
+def mark_places(ax: Axes, run: Trajectory, x: Array, y: Array, names: Sequence[str]) -> None:
     """Mark them on a curve y (N + 1,) over x (N + 1,), which may pass a value of x several times."""
     for name, moments in _moments(run, names).items():
         if moments.times:
@@ -94,7 +84,7 @@ def mark_places(ax: Axes, run: Eventful, x: Array, y: Array, names: Sequence[str
             ax.plot(*place, label=name, **moments.marker)
 
 
-def _moments(run: Eventful, names: Sequence[str]) -> dict[str, Moments]:
+def _moments(run: Trajectory, names: Sequence[str]) -> dict[str, Moments]:
     """Those of a run, by their labels."""
     found = {names[0]: Moments([crossing.time for crossing in run.crossings], {}, MARKERS[0])}
     for k, times in enumerate(run.t_events):

@@ -13,8 +13,9 @@ from ...checks import path_given, shown
 from ...errors import OptionError
 from ...mechanism.tree.joints import components_of
 from ...mechanism.tree.tree import Array
+from ...simulation.trajectories.trajectory import Trajectory
 from .moments import mark_moments, mark_places, moment_names
-from .panels import LAMBDA, Asked, Line, Motion, Panel, Runs, lines_of_column, panels_of, units
+from .panels import LAMBDA, Asked, Line, Panel, Runs, lines_of_column, panels_of, units
 from .style import BLACK, CYCLE, YELLOW, new_figure, require_file, save, style
 
 if TYPE_CHECKING:
@@ -124,7 +125,7 @@ def plot_motion(
     return figure
 
 
-def _over(run: Motion, x: str | None) -> Line:
+def _over(run: Trajectory, x: str | None) -> Line:
     """The column that is drawn over."""
     if x is None:
         return Line("t", "t")
@@ -147,7 +148,7 @@ def _draw_lines(
     ax.set_ylabel(f"{panel.quantity} [{panel.unit}]")
 
 
-def _styles(run: Motion, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
+def _styles(run: Trajectory, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     """Colour and width of each line: wider below others that look like it, so that it stays visible."""
     names = list(dict.fromkeys(line.name for panel in panels for line in panel.lines))
     colors = _colors(run, names)
@@ -166,7 +167,7 @@ def _styles(run: Motion, panels: Sequence[Panel]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _colors(run: Motion, names: Sequence[str]) -> dict[str, Any]:
+def _colors(run: Trajectory, names: Sequence[str]) -> dict[str, Any]:
     """A colour for each; of too many to tell apart for numbers of joints with several, the rest in shades."""
     if len(names) <= len(COLORS):
         return dict(zip(names, COLORS, strict=False))
@@ -183,7 +184,7 @@ def _colors(run: Motion, names: Sequence[str]) -> dict[str, Any]:
     return shades | dict(zip(several, COLORS, strict=False))
 
 
-def _draw_error(ax: Axes, trajectory: Motion, quantity: str, across: Array, dashes: Any) -> None:
+def _draw_error(ax: Axes, trajectory: Trajectory, quantity: str, across: Array, dashes: Any) -> None:
     if quantity == "energy":
         ax.plot(across, trajectory.energy_error(), color=CYCLE[0], linestyle=dashes)
         ax.set_ylabel("energy error [J]")

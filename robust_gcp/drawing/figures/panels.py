@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from ...checks import hint, names_given, shown
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import Component, components_of
-from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.access import SENSOR
 from ...simulation.trajectories.reactions import row_names
-from .moments import Eventful
+from ...simulation.trajectories.trajectory import Trajectory
 
 RECORDED = {
     "a": "accelerations were",
@@ -36,30 +35,6 @@ LAMBDA = "λ"
 Asked = Sequence[str] | str | None
 
 
-class Motion(Eventful, Protocol):
-    """What is drawn of a `Trajectory`."""
-
-    mechanism: Mechanism
-    t: Array
-    energy: Array | None
-
-    def columns(self) -> dict[str, Array]:
-        """Every number recorded, by name."""
-        ...
-
-    def __getitem__(self, name: str) -> Array:
-        """A column, or an OptionError that tells what there is."""
-        ...
-
-    def closure_error(self) -> Array:
-        """max |φ| at each time."""
-        ...
-
-    def energy_error(self) -> Array:
-        """Energy less its start and the work done, J."""
-        ...
-
-
 class Line(NamedTuple):
     """One number of every run: its name in the legend, and its column."""
 
@@ -75,7 +50,7 @@ class Panel(NamedTuple):
     lines: tuple[Line, ...] = ()
 
 
-Runs = Mapping[str, Motion]
+Runs = Mapping[str, Trajectory]
 """By label; the first one decides what is drawn."""
 
 
@@ -123,7 +98,7 @@ def panels_of(runs: Runs, what: Asked, joints: Asked, over: str | None = None) -
         drawn = [[line for line in lines if _acts(first, line)] for lines in drawn]
     elif "drive" in quantities and not drawn[quantities.index("drive")]:
         raise OptionError(
-            'what = "drive": no joint that is drawn is driven; simulate with drive={joint: Motion}'
+            'what = "drive": no joint that is drawn is driven; simulate with drive={joint: Trajectory}'
         )
     columns = dict.fromkeys(word for word in words if word not in quantities)
     drawn.append([line for word in columns for line in lines_of_column(first, word)])
@@ -137,7 +112,7 @@ def panels_of(runs: Runs, what: Asked, joints: Asked, over: str | None = None) -
     return panels, title
 
 
-def lines_of_column(run: Motion, name: str, argument: str = "what") -> list[Line]:
+def lines_of_column(run: Trajectory, name: str, argument: str = "what") -> list[Line]:
     """What `run[name]` answers: one number, or those of a joint that has several."""
     columns = run.columns()
     owned = {joint.name: joint.components for joint in run.mechanism.joints}
@@ -186,12 +161,12 @@ def _is_shown(runs: Runs, word: str) -> bool:
     return all(_has(run, word) for run in runs.values())
 
 
-def _acts(run: Motion, line: Line) -> bool:
+def _acts(run: Trajectory, line: Line) -> bool:
     """Whether there is more to see than a torque that is none."""
     return not line.column.startswith("tau.") or bool(run.columns()[line.column].any())
 
 
-def _has(run: Motion, word: str) -> bool:
+def _has(run: Trajectory, word: str) -> bool:
     beginning = "lambda." if word == "multipliers" else f"{word}."
     return any(name.startswith(beginning) for name in run.columns())
 

@@ -13,7 +13,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
-from .frames import frame_times, resample
+from .frames import pictures
 from .geometry import Sticks, face_on, layers, sticks
 from .meshes import bare_bodies, mesh_data, shapes_of
 
@@ -46,8 +46,7 @@ def run_data(
     """
     mechanism = trajectory.mechanism
     visual = None if visual is None or visual is False else shapes_of(mechanism, visual)
-    ends = (float(trajectory.t[0]), float(trajectory.t[-1])) if len(trajectory.t) else (0.0, 0.0)
-    q = resample(trajectory, frame_times(*ends, speed))
+    q = pictures(trajectory, speed)
     R, p = placements(mechanism, q)
     made = sticks(mechanism, R, p, trails)
     positions = made.positions(R, p)
@@ -58,8 +57,8 @@ def run_data(
     every = made.positions(R, p)
     data = {
         "label": label,
-        "start": ends[0],
-        "end": ends[1],
+        "start": float(trajectory.t[0]),
+        "end": float(trajectory.t[-1]),
         "frames": len(q),
         "points": packed(every),
         "count": every.shape[1],

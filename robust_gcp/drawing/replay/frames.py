@@ -56,35 +56,20 @@ def frame_times(start: float, end: float, speed: float) -> Array:
     return np.linspace(start, end, max(count, 1))
 
 
-def resample(trajectory: Trajectory, times: Array) -> Array:
-    """Configurations between the outputs of a motion, (len(times), nq).
-
-    The cubic on the tangent space at the earlier output q₀, d(s) = q(s) ⊖ q₀, that has the right
-    values and rates at both ends: ḋ(0) = v₀ and ḋ(1) = ∂(q₁ ⊖ q₀)/∂q₁ v₁. Fourth order in the spacing
-    of the outputs, on joints of every kind.
+def pictures(trajectory: Trajectory, speed: float) -> Array:
+    """Configurations (n, nq) at the even times of a motion, between its outputs by `Trajectory.at`.
 
     Raises
     ------
     StateError
         For a motion that has no output or is not finite.
+    OptionError
+        As `frame_times`.
     """
-    t, q, v = trajectory.t, trajectory.q, trajectory.v
-    if len(t) == 0:
-        raise StateError("replay: the trajectory is empty")
-    if not (np.isfinite(q).all() and np.isfinite(v).all()):
-        raise StateError("replay: the trajectory holds numbers that are not finite")
-    if len(t) == 1:
-        return np.repeat(q, len(times), axis=0)
-    tree = trajectory.mechanism.tree
-    index = np.clip(np.searchsorted(t, times, side="right") - 1, 0, len(t) - 2)
-    found = np.empty((len(times), q.shape[1]))
-    for row, (i, time) in enumerate(zip(index, times, strict=True)):
-        h = t[i + 1] - t[i]
-        s = min(max((time - t[i]) / h, 0.0), 1.0)
-        d = tree.difference(q[i], q[i + 1])
-        end_rate = h * (tree.difference_rate(q[i], q[i + 1]) @ v[i + 1])
-        start_rate = h * v[i]
-        # Hermite's cubic from 0 to d
-        cubic = s * s * (3 - 2 * s) * d + s * (1 - s) ** 2 * start_rate - s * s * (1 - s) * end_rate
-        found[row] = tree.integrate(q[i], cubic)
-    return found
+    if len(trajectory.t) == 0:
+        raise StateError("the trajectory is empty: there is nothing to play")
+    if not (np.isfinite(trajectory.q).all() and np.isfinite(trajectory.v).all()):
+        raise StateError("the trajectory holds numbers that are not finite, which cannot be played")
+    times = frame_times(float(trajectory.t[0]), float(trajectory.t[-1]), speed)
+    q: Array = trajectory.at(times).q
+    return q

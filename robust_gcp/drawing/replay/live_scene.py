@@ -15,7 +15,7 @@ from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import placements
 from .data import link_radius, scene_data
-from .frames import frame_times, resample
+from .frames import pictures
 from .geometry import sticks
 
 COLOURS = (0x0072B2, 0xD9822B, 0x009E73, 0xA8508B, 0x3F8FC4, 0x8A7A00, 0xB5442E, 0x5B5EA6)
@@ -42,7 +42,7 @@ class LiveScene:
             self.mechanism, q = shown, shown.home[None]
         else:
             self.mechanism = shown.mechanism
-            q = resample(shown, frame_times(float(shown.t[0]), float(shown.t[-1]), _coarse(shown)))
+            q = pictures(shown, _coarse(shown))
         R, p = placements(self.mechanism, q)
         self._made = sticks(self.mechanism, R, p, None)
         positions = self._made.positions(R, p)
@@ -111,7 +111,7 @@ def _path(name: str) -> Any:
 
 def _coarse(trajectory: Trajectory) -> float:
     """A speed at which the whole motion is some hundred pictures: enough to find its size."""
-    return max(float(trajectory.t[-1] - trajectory.t[0]) / 10.0, 1e-12)
+    return max(float(np.ptp(trajectory.t)) / 10.0, 1e-12) if len(trajectory.t) else 1.0
 
 
 def _stick(a: Array, b: Array) -> Array:

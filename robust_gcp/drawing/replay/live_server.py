@@ -59,7 +59,7 @@ class Watcher(tornado.websocket.WebSocketHandler):
 
 
 class LoopbackServer:
-    """The page's files, the scene, and the newest pose of each of its parts; lives in one event loop.
+    """The page's files, the scene, and the newest pose of each part; made and told in one event loop.
 
     Attributes
     ----------
@@ -101,30 +101,13 @@ class LoopbackServer:
         self._http.add_socket(door)
         self.url = f"http://{ADDRESS}:{door.getsockname()[1]}/static/"
 
-    @classmethod
-    async def start(cls, folder: Path, port: int) -> LoopbackServer:
-        """Made inside the event loop that it will live in."""
-        return cls(folder, port)
-
-    async def build(self, scene: list[bytes]) -> None:
-        """Set what the scene is made of."""
-        self.scene = scene
-
-    async def pose(self, poses: dict[str, bytes]) -> None:
-        """Set where its parts are, and tell."""
-        self.tell(poses)
-
     def tell(self, poses: dict[str, bytes], forgotten: str = "") -> None:
-        """The same inside the event loop; parts whose names begin with `forgotten` are told of no more."""
+        """Set where parts are, inside the event loop; those named `forgotten…` are told of no more."""
         if forgotten:
             self.poses = {name: told for name, told in self.poses.items() if not name.startswith(forgotten)}
         self.poses.update(poses)
         for watcher in self.watchers:
             watcher.news.set()
-
-    async def listen(self, listener: Callable[[str | bytes], None]) -> None:
-        """Hand over what browsers send from now on."""
-        self.listener = listener
 
     async def stop(self) -> None:
         """Free the port and let all browsers go."""

@@ -6,18 +6,18 @@ import asyncio
 import atexit
 import threading
 import time
-from collections.abc import Coroutine
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, TypeVar
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import check_positive
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
-from .frames import FPS, frame_times, resample
+from .frames import FPS, pictures
 from .live_scene import LiveScene
 from .live_server import LoopbackServer
 from .live_sliders import NOTICE, Sliders
@@ -49,7 +49,7 @@ class LiveViewer:
         self._thread = threading.Thread(target=self._loop.run_forever, name="live viewer", daemon=True)
         self._thread.start()
         try:
-            self._server = self._ask(LoopbackServer.start(folder, port))
+            self._server = self._ask(LoopbackServer, folder, port)
         except OSError as error:
             self._end_thread()
             raise OptionError(f"port = {port} cannot be used ({error}); 0 takes a free one") from error
@@ -58,10 +58,10 @@ class LiveViewer:
         self._q = self._mechanism.home if isinstance(shown, Mechanism) else shown.q[0]
         self._sliders = Sliders(self._mechanism, self._q) if sliders else None
         controls = [] if self._sliders is None else self._sliders.controls()
-        self._ask(self._server.build([*self._scene.commands(), *controls]))
+        self._server.scene = [*self._scene.commands(), *controls]
         self.show(self._q)
         if self._sliders is not None:
-            self._ask(self._server.listen(self._heard))
+            self._server.listener = self._heard
 
     @property
     def q(self) -> Array:
@@ -73,7 +73,7 @@ class LiveViewer:
         self._q = self._mechanism.configuration(q)
         if self._sliders is not None:
             self._sliders.place(self._q)
-        self._ask(self._server.pose(self._scene.poses(self._q)))
+        self._ask(self._server.tell, self._scene.poses(self._q))
 
     def _heard(self, message: str | bytes) -> None:
         """Move to where a slider was dragged, in the server's thread."""
@@ -92,10 +92,8 @@ class LiveViewer:
         """
         if trajectory.q.shape[1] != self._mechanism.nq:
             raise OptionError(f"play: the trajectory is not one of {self._mechanism.name!r}")
-        if not (np.isfinite(speed) and speed > 0.0):
-            raise OptionError(f"speed = {speed!r} must be positive and finite")
-        start, end = float(trajectory.t[0]), float(trajectory.t[-1])
-        q = resample(trajectory, frame_times(start, end, speed))
+        check_positive("speed", speed)
+        q = pictures(trajectory, speed)
         begin, i = time.monotonic(), 0
         while i < len(q) - 1:
             self.show(q[i])
@@ -119,7 +117,7 @@ class LiveViewer:
         atexit.unregister(self.close)
         if self._thread.is_alive():
             try:
-                self._ask(self._server.stop())
+                asyncio.run_coroutine_threadsafe(self._server.stop(), self._loop).result(PATIENCE)
             finally:
                 self._end_thread()
 
@@ -131,12 +129,15 @@ class LiveViewer:
     ) -> None:
         self.close()
 
-    def _ask(self, question: Coroutine[Any, Any, T]) -> T:
-        """Run in the server's thread and wait, within reason."""
+    def _ask(self, function: Callable[..., T], *given: Any) -> T:
+        """Call in the server's thread and wait, within reason."""
         if not self._thread.is_alive():
-            question.close()
             raise RobustGcpError("the live viewer is closed; open another one with live(...)")
-        return asyncio.run_coroutine_threadsafe(question, self._loop).result(PATIENCE)
+
+        async def called() -> T:
+            return function(*given)
+
+        return asyncio.run_coroutine_threadsafe(called(), self._loop).result(PATIENCE)
 
     def _end_thread(self) -> None:
         self._loop.call_soon_threadsafe(self._loop.stop)

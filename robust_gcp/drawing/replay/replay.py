@@ -108,8 +108,8 @@ def replay(
 ) -> Path | ReplayPage:
     """One self-contained page that plays a motion offline; no server, no network.
 
-    The motion is drawn 30 times a second of play whatever its steps, between the outputs by cubic
-    interpolation. A fragment in the page's address opens it at a time: `file.html#t=1.5&paused`.
+    The motion is drawn 30 times a second of play whatever its steps, between the outputs as by
+    `Trajectory.at`. A fragment in the page's address opens it at a time: `file.html#t=1.5&paused`.
 
     Parameters
     ----------
