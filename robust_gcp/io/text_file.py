@@ -16,6 +16,10 @@ LONGEST_PATH = 1000
 """Characters; what is longer is text that was meant to be XML."""
 
 
+is_file, is_link = os.path.isfile, os.path.islink
+"""Unlike those of pathlib, for which a name too long for the system is an error: it is neither."""
+
+
 def path_of(given: Any, what: str) -> Path:
     """A path as given by a caller, or a ModelError."""
     if not isinstance(given, str | os.PathLike):
@@ -62,26 +66,10 @@ def read_bytes(path: Path, largest: int = LARGEST) -> bytes:
         raise ModelError(f"{path}: cannot be read ({error})") from error
 
 
-def is_file(path: Path) -> bool:
-    """Whether it is a regular file; a name too long for the system is none."""
-    try:
-        return path.is_file()
-    except OSError:
-        return False
-
-
-def is_link(path: Path) -> bool:
-    """Whether it is a symbolic link, to anything or nothing; a name too long for the system is none."""
-    try:
-        return path.is_symlink()
-    except OSError:
-        return False
-
-
 def files_in(path: Path) -> list[Path]:
     """The regular files of a folder by name; none where there is no such folder."""
     try:
-        return sorted(file for file in path.iterdir() if file.is_file()) if path.is_dir() else []
+        return sorted(file for file in path.iterdir() if file.is_file())
     except OSError:
         return []
 

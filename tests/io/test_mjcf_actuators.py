@@ -104,6 +104,18 @@ def test_groups_of_actuators_that_are_switched_off_are_not_there() -> None:
     assert beside.contents.left_out == [] and max(differences(beside, seed=2)) < 1e-12
 
 
+def test_names_that_the_file_gives_are_kept_whatever_others_without_one_are_called() -> None:
+    still = """<geom size="0.1" contype="0" conaffinity="0"/>"""
+    xml = f"""<mujoco><worldbody><body><joint name="j"/>{still}</body></worldbody>
+      <tendon><fixed><joint joint="j" coef="1"/></fixed>
+        <fixed name="tendon0"><joint joint="j" coef="2"/></fixed></tendon>
+      <actuator><motor joint="j" gear="3"/><motor name="j" joint="j" gear="4"/></actuator></mujoco>"""
+    mech = rg.Mechanism.from_mjcf(xml)
+    assert {a.name: a.gear for a in mech.actuators} == {"j1": 3.0, "j": 4.0}
+    arms = {name: path.coefficients for name, path in mech.tendons.items()}
+    assert arms == {"tendon01": {"j": 1.0}, "tendon0": {"j": 2.0}}
+
+
 def test_the_flag_of_filtered_contacts_is_not_that_of_actuators() -> None:
     option = '<option><flag filterparent="disable"/></option>'
     assert len(Beside(EVERYTHING.replace("<worldbody>", option + "<worldbody>")).ids) == 15

@@ -82,7 +82,7 @@ UNKNOWN = {
     "<xacro:macro name='m'/>": "<xacro:macro> is not expanded",
     "<loop name='l' type='gear'><predecessor link='coupler'/><successor link='rocker'/></loop>": "'gear'",
     "<loop name='l' type='fixed'><predecessor link='coupler'/></loop>": "lacks <successor",
-    "<loop_joint name='l' type='fixed'><link1 link='coupler'/></loop_joint>": "needs <link1",
+    "<loop_joint name='l' type='fixed'><link1 link='coupler'/></loop_joint>": "lacks <link2",
     "<drake:ball_constraint/>": "lacks drake:ball_constraint_body_A",
     "<coupling name='c'><predecessor link='crank'/><successor link='rocker'/></coupling>": "lacks <ratio",
     "<coupling><predecessor link='crank'/><successor link='crank'/><ratio value='1'/></coupling>": "either",

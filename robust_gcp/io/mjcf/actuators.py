@@ -13,9 +13,10 @@ from ...mechanism.actuation.site_paths import SiteForce, SliderCrank
 from ...mechanism.actuation.spatial_tendon import SpatialTendon
 from ...mechanism.actuation.tendon_springs import TendonSpring
 from ...mechanism.forces.forces import Force, JointTorque
+from ..names import all_named
 from .compiled import is_off
 from .tendons import CompiledTendons
-from .tree import BALL, FREE, CompiledTree, unlike
+from .tree import BALL, FREE, CompiledTree
 
 JOINT, IN_PARENT, SLIDER_CRANK, TENDON, SITE, BODY = range(6)
 """MuJoCo's mjtTrn: what an actuator drives."""
@@ -53,11 +54,13 @@ class CompiledActuators:
         self.actuators, self.springs = list[Actuator](), list[Force]()
         self.ids = list[int]()
         self.left_out: dict[str, list[str]] = {"actuators": []}
-        for a in () if is_off(m, "ACTUATION") else range(len(m.actuator_trntype)):
-            self._add(a)
+        every = range(len(m.actuator_trntype))
+        names = all_named([m.actuator(a).name for a in every], [self._label(a) for a in every])
+        for a, name in () if is_off(m, "ACTUATION") else enumerate(names):
+            self._add(a, name)
 
-    def _add(self, a: int) -> None:
-        m, label, path = self._m, self._label(a), self._path(a)
+    def _add(self, a: int, label: str) -> None:
+        m, path = self._m, self._path(a)
         if path is None or not self._is_known(a):
             if not self._is_idle(a):
                 self.left_out["actuators"].append(label)
@@ -74,7 +77,7 @@ class CompiledActuators:
             self.springs.append(JointTorque(joint, float(m.actuator_biasprm[a, 0]) * gear))
             return
         self.ids.append(a)
-        self.actuators.append(self._actuator(a, unlike(label, {x.name for x in self.actuators}), path, gear))
+        self.actuators.append(self._actuator(a, label, path, gear))
 
     def _is_switched_off(self, a: int) -> bool:
         """Whether `<option actuatorgroupdisable>` names its group."""
@@ -172,10 +175,9 @@ class CompiledActuators:
         )  # fmt: skip
 
     def _label(self, a: int) -> str:
+        """What it drives, for one without a name."""
         m = self._m
         kind, target = int(m.actuator_trntype[a]), int(m.actuator_trnid[a, 0])
-        if m.actuator(a).name:
-            return str(m.actuator(a).name)
         if kind in (JOINT, IN_PARENT):
             return str(self._tree.joints[target])
         if kind == TENDON:

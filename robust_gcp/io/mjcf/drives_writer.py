@@ -14,6 +14,7 @@ from ...mechanism.actuation.site_paths import SiteForce, SliderCrank
 from ...mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from ...mechanism.actuation.tendon_springs import TendonSpring
 from ...mechanism.mechanism import Mechanism
+from ..names import unlike
 from ..written import Lost, note, quaternion, text
 
 SCALE = 200.0
@@ -63,9 +64,7 @@ class DrivesWriter:
     def _tendon(self, path: Path, name: str | None = None) -> Element | None:
         """A new element of a path; None where MJCF has no such tendon."""
         if name is None:
-            name = f"tendon_{len(self.tendons)}"
-            while name in self._mechanism.tendons:
-                name += "_"
+            name = unlike(f"tendon_{len(self.tendons)}", self._mechanism.tendons)
         made = Element("fixed" if isinstance(path, FixedTendon) else "spatial", name=name)
         if isinstance(path, FixedTendon):
             for joint, arm in path.coefficients.items():

@@ -11,6 +11,7 @@ import numpy as np
 from ...checks import shown
 from ...errors import ModelError, OptionError
 from ...mechanism.contents import FileContents, check_base
+from ..names import all_named
 from ..text_file import path_of
 from ..xml_text import is_xml_text, parsed_xml
 from .actuators import CompiledActuators
@@ -75,7 +76,7 @@ def read_mjcf(
     if tree.model.njoints == 1:
         raise ModelError(f"{name}: no body has a joint; a mechanism needs one at least")
     tree.model.name = xml.get("model", "mjcf")
-    names = _named([m.key(k).name for k in range(m.nkey)])
+    names = all_named([m.key(k).name for k in range(m.nkey)], [f"key{k}" for k in range(m.nkey)], 0, "_")
     keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
     rated = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
     rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
@@ -100,16 +101,6 @@ def read_mjcf(
         sensors=sensors,
         moved=tuple(tree.moved),
     )
-
-
-def _named(given: list[str]) -> list[str]:
-    """Names of keyframes; those without one by their number."""
-    found = list(given)
-    for k, name in enumerate(given):
-        found[k] = name or next(
-            n for n in (f"key{k}", *(f"key{k}_{i}" for i in range(len(given)))) if n not in found
-        )
-    return found
 
 
 def _check_moving(base: str | None, moving: Any) -> None:

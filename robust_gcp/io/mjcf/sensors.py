@@ -11,6 +11,7 @@ import pinocchio as pin
 from ...mechanism.sensing.instant import GROUND, Branch, Spot
 from ...mechanism.sensing.sensors import KINDS, Sensor
 from ...mechanism.tree.tree import Array
+from ..names import all_named
 from .actuators import CompiledActuators
 from .compiled import is_off
 from .drive_sensors import DRIVEN, DriveSensors, UnknownError
@@ -49,13 +50,11 @@ def sensors_of(
     others: list[str] = []
     if is_off(m, "SENSOR"):
         return found, others
-    taken = {m.sensor(i).name for i in range(m.nsensor)}
-    for i in range(m.nsensor):
-        kind = _kind(m, i)
-        name = m.sensor(i).name or next(n for n in _numbered(kind) if n not in taken)
-        taken.add(name)
-        driven = DriveSensors(m, tree, tendons, drives)
-        made = _Reader(m, tree, driven, has_meshes, i).sensor(name, kind)
+    kinds = [_kind(m, i) for i in range(m.nsensor)]
+    names = all_named([m.sensor(i).name for i in range(m.nsensor)], kinds, first=2)
+    reader = _Reader(m, tree, DriveSensors(m, tree, tendons, drives), has_meshes)
+    for i, (name, kind) in enumerate(zip(names, kinds, strict=True)):
+        made = reader.sensor(i, name, kind)
         if made is None:
             others.append(name)
         else:
@@ -70,23 +69,15 @@ def _kind(m: Any, i: int) -> str:
     return WRITTEN.get(kind, kind)
 
 
-def _numbered(kind: str) -> Any:
-    yield kind
-    count = 2
-    while True:
-        yield f"{kind}{count}"
-        count += 1
-
-
 class _Reader:
-    """One sensor of the compiled model."""
+    """Sensors of the compiled model, one after the other."""
 
-    def __init__(self, m: Any, tree: CompiledTree, driven: DriveSensors, has_meshes: bool, i: int) -> None:
-        self._m, self._tree, self._driven, self._meshes, self._i = m, tree, driven, has_meshes, i
+    def __init__(self, m: Any, tree: CompiledTree, driven: DriveSensors, has_meshes: bool) -> None:
+        self._m, self._tree, self._driven, self._meshes = m, tree, driven, has_meshes
 
-    def sensor(self, name: str, kind: str) -> Sensor | None:
+    def sensor(self, i: int, name: str, kind: str) -> Sensor | None:
         """None where it cannot be answered."""
-        m, i = self._m, self._i
+        m = self._m
         if kind not in KINDS or any(np.any(getattr(m, key)[i]) for key in FIELDS if hasattr(m, key)):
             return None
         made = Sensor(name, kind, cutoff=float(m.sensor_cutoff[i]))

@@ -12,9 +12,10 @@ from ...mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from ...mechanism.actuation.tendon_springs import TendonSpring
 from ...mechanism.forces.forces import Force, PointSpring
 from ...mechanism.parts import JointFriction, Part, Stop
+from ..names import all_named, unlike
 from .compiled import is_off
 from .stops import restitution_of
-from .tree import CompiledTree, unlike
+from .tree import CompiledTree
 
 WRAP_JOINT, WRAP_PULLEY, WRAP_SITE, WRAP_SPHERE = range(1, 5)
 """MuJoCo's mjtWrap."""
@@ -47,9 +48,9 @@ class CompiledTendons:
         self._m, self._tree = m, tree
         self._frames: dict[int, str] = {}
         self.paths = [self._path(t) for t in range(m.ntendon)]
-        self.by_name: dict[str, Path] = {}
-        for t, path in enumerate(self.paths):
-            self.by_name[unlike(m.tendon(t).name or f"tendon{t}", self.by_name)] = path
+        every = range(m.ntendon)
+        names = all_named([m.tendon(t).name for t in every], [f"tendon{t}" for t in every])
+        self.by_name: dict[str, Path] = dict(zip(names, self.paths, strict=True))
         self.left_out: dict[str, list[str]] = {"tendons": []}
         self.springs, self.parts = list[Force](), list[Part]()
         self._add_springs()
@@ -93,9 +94,7 @@ class CompiledTendons:
         if name:
             return str(name)
         if site not in self._frames:
-            label = f"site{site}"
-            while self._tree.model.existFrame(label):
-                label += "_"
+            label = unlike(f"site{site}", [frame.name for frame in self._tree.model.frames])
             self._tree.model.addFrame(pin.Frame(label, *self._tree.site(site), pin.FrameType.OP_FRAME), False)
             self._frames[site] = label
         return self._frames[site]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from ...checks import hint
 from ...errors import ModelError
 from ...mechanism.tree.joints import along
 from ...mechanism.tree.tree import Array
+from ..names import all_named, unlike
 from .compiled import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -33,7 +34,7 @@ class CompiledTree:
     name : str
         What to call it in errors.
     base : "fixed", "free" or None
-        As in `mjcf.read_mjcf`.
+        As in `reader.read_mjcf`.
     moving : mapping of str to sequence of str
         Standing bodies that move as prescribed, and along which axes: x, y, z, rx, ry, rz.
 
@@ -55,10 +56,10 @@ class CompiledTree:
     ) -> None:
         m = self._from = compiled
         self.name, self._fixed = name, base == "fixed"
-        self.bodies = _named([m.body(b).name for b in range(m.nbody)], ["body"] * m.nbody)
+        self.bodies = all_named([m.body(b).name for b in range(m.nbody)], ["body"] * m.nbody)
         ends = ["_free" if kind == FREE else "_joint" for kind in m.jnt_type]
         wanted = [self.bodies[b] + end for b, end in zip(m.jnt_bodyid, ends, strict=True)]
-        self.joints = _named([m.joint(j).name for j in range(m.njnt)], wanted)
+        self.joints = all_named([m.joint(j).name for j in range(m.njnt)], wanted)
         self.sites = [m.site(s).name for s in range(m.nsite)]
         for kind, names in (("body", self.bodies[1:]), ("joint", self.joints), ("site", self.sites)):
             for label in set(RESERVED).intersection(names):
@@ -172,7 +173,7 @@ class CompiledTree:
         m, armature = self._from, []
         joint, place = self.on(int(m.body_parentid[b]), m.body_pos[b], m.body_quat[b])
         if floats:
-            label = _named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
+            label = all_named([*self.joints, ""], [*self.joints, ROOT_JOINT])[-1]
             joint, place = self._add_joint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), label)
             armature += [0.0] * 6
         for axis in self._moving.get(b, ()):  # from where the body stands, along the ground's axes
@@ -232,22 +233,3 @@ def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
     """A placement of MuJoCo's, quaternions with their scalar first."""
     turn = pin.Quaternion(*map(float, quaternion)).normalized()
     return pin.SE3(turn.toRotationMatrix(), np.array(position))
-
-
-def unlike(name: str, taken: Container[str]) -> str:
-    """The name, numbered where it is taken."""
-    label, count = name, 0
-    while label in taken:
-        count += 1
-        label = f"{name}{count}"
-    return label
-
-
-def _named(given: list[str], wanted: list[str]) -> list[str]:
-    """The names that are given; in place of empty ones the wanted ones, numbered where they are taken."""
-    taken, made = set(given), []
-    for name, unique in zip(given, wanted, strict=True):
-        label = name or unlike(unique, taken)
-        taken.add(label)
-        made.append(label)
-    return made

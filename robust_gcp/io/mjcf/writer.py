@@ -17,6 +17,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Stop
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
+from ..names import unlike
 from ..written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 from .drives_writer import DrivesWriter
 from .stops import solref_of
@@ -239,9 +240,6 @@ class _Ties:
         if frame in self._sites and not np.any(shift):
             return frame
         found = frame_of(self._mechanism.own_model, frame, "closures")
-        name, count = frame, 1
-        while name in self._sites:
-            count += 1
-            name = f"{frame}_{count}"
+        name = unlike(frame, self._sites, first=2, join="_")
         self.site(self._bodies[found.parentJoint], name, found.placement * pin.SE3(np.eye(3), shift))
         return name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element, SubElement
 
+from ..names import unlike
 from .check import WORLD
 
 BASE_JOINT = "root_joint"
@@ -61,7 +62,7 @@ def set_base(root: Element, base: str | None) -> list[str]:
             for joint in welded:
                 joint.set("type", "floating")
             return []
-        below = WORLD if WORLD not in links else _fresh(f"{WORLD}_below", links)
+        below = WORLD if WORLD not in links else unlike(f"{WORLD}_below", links)
         root.insert(0, Element("link", {"name": below}))
         _join(root, below, ground, "floating")
     return []
@@ -69,17 +70,10 @@ def set_base(root: Element, base: str | None) -> list[str]:
 
 def _join(root: Element, parent: str, child: str, kind: str) -> None:
     names = [joint.get("name", "") for joint in root.findall("joint")]
-    name = BASE_JOINT if BASE_JOINT not in names else _fresh(f"{child}_{BASE_JOINT}", names)
+    name = BASE_JOINT if BASE_JOINT not in names else unlike(f"{child}_{BASE_JOINT}", names)
     joint = SubElement(root, "joint", {"name": name, "type": kind})
     SubElement(joint, "parent", {"link": parent})
     SubElement(joint, "child", {"link": child})
-
-
-def _fresh(wanted: str, taken: list[str]) -> str:
-    name = wanted
-    while name in taken:
-        name += "_"
-    return name
 
 
 def _end(joint: Element, tag: str) -> str:

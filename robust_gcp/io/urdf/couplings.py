@@ -56,6 +56,5 @@ def mimic(joint: Element, tag: Element, name: str) -> CouplingClosure:
     leader = tag.get("joint")
     if not leader:
         raise ModelError(f"{where}: its <mimic> names no joint; give <mimic joint=…>")
-    multiplier = number_in(tag, "multiplier", where) if tag.get("multiplier") is not None else 1.0
-    offset = number_in(tag, "offset", where) if tag.get("offset") is not None else 0.0
-    return CouplingClosure(joint.get("name", ""), leader, multiplier, offset)
+    ratio, offset = number_in(tag, "multiplier", where, 1.0), number_in(tag, "offset", where, 0.0)
+    return CouplingClosure(joint.get("name", ""), leader, ratio, offset)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from xml.etree.ElementTree import Element
 
+import numpy as np
+
 from ...mechanism.assembly.ranges import WIDE
 from ...mechanism.contents import named
 from .check import MOVING
@@ -58,15 +60,9 @@ def _label(element: Element) -> str:
 
 
 def _friction(joint: Element, name: str) -> float:
-    given = [d for d in joint.findall("dynamics") if d.get("friction") is not None]
-    return number_in(given[0], "friction", name) if given else 0.0
+    return sum(number_in(dynamics, "friction", name, 0.0) for dynamics in joint.findall("dynamics"))
 
 
 def _limited(joint: Element, name: str) -> bool:
-    if joint.get("type") not in ("revolute", "prismatic"):
-        return False
-    given = [limit for limit in joint.findall("limit") if limit.attrib.keys() & {"lower", "upper"}]
-    bounds = [
-        abs(number_in(e, key, name)) for e in given for key in ("lower", "upper") if e.get(key) is not None
-    ]
-    return bool(bounds) and min(bounds) < WIDE
+    bounds = [number_in(e, end, name, np.inf) for e in joint.findall("limit") for end in ("lower", "upper")]
+    return joint.get("type") in ("revolute", "prismatic") and min(map(abs, bounds), default=np.inf) < WIDE

@@ -9,38 +9,43 @@ pairs of links that onshape-to-robot names `closing_NAME_1` and `closing_NAME_2`
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
 from functools import partial
-from xml.etree.ElementTree import Element, SubElement
+from xml.etree.ElementTree import Element
 
 import numpy as np
 import pinocchio as pin
 
 from ...checks import hint
 from ...errors import ModelError
-from ...mechanism.constraint.closures import (
-    Closure,
-    FrameClosure,
-    PointClosure,
-    PrismaticClosure,
-    RevoluteClosure,
-    UniversalClosure,
-)
+from ...mechanism.building.body_graph import CLOSURES
+from ...mechanism.constraint.closures import AxisClosure, Closure, PointClosure, RevoluteClosure
 from ...mechanism.constraint.couplings import AnyClosure
 from ...mechanism.constraint.pin_constraints import close_between
 from .couplings import coupling, mimic, part
-from .numbers import numbers_in
+from .numbers import numbers_in, place_in
 
-LOOP_TAGS = (
-    "loop",
-    "loop_joint",
-    "loop_constraint",
-    "coupling",
-    "joint_constraint",
-    "constraint",
-    "drake:ball_constraint",
-)
-"""Elements below <robot> that tie links together and are read."""
+BALL = "drake:ball_constraint"
+
+CUTS = {
+    "loop": ("predecessor", "successor"),
+    "loop_joint": ("link1", "link2"),
+    "loop_constraint": ("parent", "child"),
+    "constraint": ("parent", "child"),
+    BALL: ("body_A", "body_B"),
+}
+"""Elements below <robot> that are cut joints, and their ends, which name links."""
+
+COUPLINGS = {
+    "coupling": ("predecessor", "successor", "ratio"),
+    "joint_constraint": ("parent", "child", "gear_ratio"),
+}
+"""Those that couple joints: the ends of two chains, and the ratio."""
+
+LOOP_TAGS = (*CUTS, *COUPLINGS)
+"""All that tie links together and are read."""
+
+KINDS = CLOSURES | {"continuous": RevoluteClosure, "ball": PointClosure}
+"""Closures by the types of cut joints."""
 
 SUSPECT = re.compile(
     r"loop|constraint|coupl|closure|closing|mimic|gear|weld|connect|bushing|equality|differential"
@@ -58,16 +63,7 @@ ENDS = re.compile(r"(closedloop.*_)A(.*)", re.I)
 SPRING = "drake:linear_spring_damper"
 """Drake's element for a spring and damper between points of two links."""
 
-TREELIKE = (
-    SPRING,
-    "link",
-    "joint",
-    "material",
-    "transmission",
-    "sensor",
-    "ros2_control",
-    "gazebo",
-)
+TREELIKE = (SPRING, "link", "joint", "material", "transmission", "sensor", "ros2_control", "gazebo")
 """Elements below <robot> whose meaning is known, and that tie nothing (but see `gazebo`)."""
 
 REMEDY = (
@@ -84,9 +80,7 @@ def refuse_unknown_ties(root: Element, name: str) -> None:
         tag, label = element.tag, element.get("name", "")
         if tag.startswith("xacro:"):
             raise ModelError(f"{name}: <{tag}> is not expanded; run xacro on the file and load its output")
-        if tag in LOOP_TAGS:
-            continue
-        if tag in TREELIKE:
+        if tag in (*LOOP_TAGS, *TREELIKE):
             continue
         told = [text for e in element.iter() for text in (*e.attrib.values(), (e.text or "").strip())]
         ties = len(links & set(told)) > 1 or len(joints & set(told)) > 1
@@ -106,25 +100,10 @@ def closures_of(root: Element, model: pin.Model, name: str) -> list[AnyClosure]:
     for i, element in enumerate(root):
         label = element.get("name") or f"{element.tag.replace(':', '_')}_{i}"
         where = f"{name}: <{element.tag}> {label!r}"
-        if element.tag == "loop":
-            ends = part(element, "predecessor", where), part(element, "successor", where)
-            found.append(_loop(model, element, label, ends, where, "0 0 1"))
-        elif element.tag == "loop_joint":
-            links = [e for e in element if e.tag in ("link1", "link2")]
-            if len(links) != 2:
-                raise ModelError(f"{where} needs <link1 link=…> and <link2 link=…>, where the loop is cut")
-            found.append(_loop(model, element, label, (links[0], links[1]), where, "1 0 0"))
-        elif element.tag == "loop_constraint":
-            placed = [_with_origin(element, tag, where) for tag in ("parent", "child")]
-            found.append(_loop(model, element, label, (placed[0], placed[1]), where, "0 0 1"))
-        elif element.tag == "constraint":
-            found.append(_constraint(model, element, label, where))
-        elif element.tag == "drake:ball_constraint":
-            found.append(_ball(model, element, label, where))
-        elif element.tag == "coupling":
-            found.append(coupling(root, element, ("predecessor", "successor", "ratio"), where))
-        elif element.tag == "joint_constraint":
-            found.append(coupling(root, element, ("parent", "child", "gear_ratio"), where))
+        if element.tag in CUTS:
+            found.append(_cut_joint(model, element, label, where))
+        elif element.tag in COUPLINGS:
+            found.append(coupling(root, element, COUPLINGS[element.tag], where))
     found += _cut_by_name(model)
     for joint in root.findall("joint"):
         tag = joint.find("mimic")
@@ -157,106 +136,75 @@ def _carrier(model: pin.Model, link: str) -> int:
     return int(model.frames[model.getFrameId(link, pin.FrameType.BODY)].parentJoint)
 
 
-def _with_origin(element: Element, tag: str, where: str) -> Element:
-    """A link of `<loop_constraint>` with the place on it, which stands beside it."""
-    origin = element.find(f"{tag}_origin")
-    given = {} if origin is None else {key: origin.get(key, "") for key in ("xyz", "rpy") if origin.get(key)}
-    return Element(tag, {"link": part(element, tag, where).get("link", "")} | given)
+def _cut_joint(model: pin.Model, element: Element, label: str, where: str) -> Closure:
+    """A closure of the element's type between places on two links, of the links where it is at their frames.
 
-
-def _constraint(model: pin.Model, element: Element, label: str, where: str) -> Closure:
-    """A cut joint with a place and an axis on each of its links; `<axis>` alone is that of both.
-
-    The child's place is turned so that its axis has the components of the parent's.
+    The second place is turned so that its axis has the components of the first one's.
     """
-    placed = [_with_origin(element, tag, where) for tag in ("parent", "child")]
-    given = element.find("axis")
-    axes = []
-    for tag in ("parent", "child"):
-        axis = element.find(f"{tag}_axis")
-        axis = given if axis is None else axis
-        axes.append(np.array(numbers_in(axis, "xyz", where) if axis is not None else (1.0, 0.0, 0.0)))
-        if not 0.0 < np.linalg.norm(axes[-1]) < np.inf:
-            raise ModelError(f"{where}: its {tag}_axis is no direction; give a vector that is not zero")
-    kind = element.get("type", "")
-    if kind == "universal":
-        one, two = (tuple(axis.tolist()) for axis in axes)
-        return _between(model, partial(UniversalClosure, axis=one, axis2=two), label, placed, where)
-    if kind in ("revolute", "continuous", "prismatic") and not np.array_equal(axes[0], axes[1]):
-        turn = pin.SE3(pin.Quaternion.FromTwoVectors(axes[0], axes[1]).matrix(), np.zeros(3))
-        first, second = (_place(model, end, where) for end in placed)
-        closing = partial(
-            PrismaticClosure if kind == "prismatic" else RevoluteClosure, axis=tuple(axes[0].tolist())
+    kind = element.get("type", "spherical" if element.tag in (BALL, "loop_constraint") else "")
+    if kind not in KINDS or (kind == "universal" and element.tag != "constraint"):
+        raise ModelError(
+            f"{where} is of type {kind!r}; loops are closed by revolute, continuous, prismatic, spherical "
+            "and fixed ones"
         )
-        return close_between(model, closing, label, (first, (second[0], second[1] * turn)))
-    element = Element(element.tag, element.attrib)
-    SubElement(element, "axis", {"xyz": " ".join(map(repr, axes[0].tolist()))})
-    return _between(model, _kind(element, where, ""), label, placed, where)
-
-
-def _loop(
-    model: pin.Model,
-    element: Element,
-    label: str,
-    ends: tuple[Element, Element],
-    where: str,
-    default_axis: str,
-) -> Closure:
-    """A cut joint of the element's type between two links."""
-    return _between(model, _kind(element, where, default_axis), label, ends, where)
-
-
-def _between(
-    model: pin.Model, make: Callable[[str, str], Closure], label: str, ends: Sequence[Element], where: str
-) -> Closure:
-    """A closure between places on two links, of the links themselves where it is at their frames."""
-    first, second = (_place(model, end, where) for end in ends)
-    if not any(end.get("xyz") or end.get("rpy") or end.find("origin") is not None for end in ends):
-        return make(*(end.get("link", "") for end in ends))
+    for other in element.findall("link1")[1:]:  # as Isaac Sim writes it
+        other.tag = "link2"
+    tags = CUTS[element.tag]
+    ends = drake_ends(element, where) if element.tag == BALL else [_end(element, t, where) for t in tags]
+    first, second = (on_link(model, link, place or pin.SE3.Identity(), where) for link, place in ends)
+    make, aligned = KINDS[kind], True
+    if kind == "universal":
+        one, two = (_axis(element, tag, where) for tag in tags)
+        make = partial(make, axis=tuple(one), axis2=tuple(two))
+    elif issubclass(make, AxisClosure):
+        one, two = (_axis(element, tag, where) for tag in tags)
+        make, aligned = partial(make, axis=tuple(one)), one == two
+        if not aligned:
+            turn = pin.Quaternion.FromTwoVectors(np.array(one), np.array(two)).matrix()
+            second = second[0], second[1] * pin.SE3(turn, np.zeros(3))
+    if aligned and not any(place for _, place in ends):
+        closure: Closure = make(*(link for link, _ in ends))
+        return closure
     return close_between(model, make, label, (first, second))
 
 
-def _kind(element: Element, where: str, default_axis: str) -> Callable[[str, str], Closure]:
-    """The closure of the element's type, its frames open."""
-    kind = element.get("type", "spherical" if element.tag == "loop_constraint" else "")
-    axis = element.find("axis")
-    if kind in ("revolute", "continuous", "prismatic"):
-        given = Element("axis", {"xyz": default_axis}) if axis is None else axis
-        x, y, z = numbers_in(given, "xyz", where)
-        return partial(PrismaticClosure if kind == "prismatic" else RevoluteClosure, axis=(x, y, z))
-    if kind in ("spherical", "ball"):
-        return PointClosure
-    if kind == "fixed":
-        return FrameClosure
-    raise ModelError(
-        f"{where} is of type {kind!r}; loops are closed by revolute, continuous, prismatic, spherical "
-        "and fixed ones"
-    )
+def _end(element: Element, tag: str, where: str) -> tuple[str, pin.SE3 | None]:
+    """The link at an end of a cut joint, and the place on it: below the end, beside it, or by attributes."""
+    end = part(element, tag, where)
+    found = [e for e in (element.find(f"{tag}_origin"), end.find("origin")) if e is not None]
+    placed = found[0] if found else end
+    given = bool(found) or placed.get("xyz") is not None or placed.get("rpy") is not None
+    return end.get("link", ""), place_in(placed, where) if given else None
 
 
-def _ball(model: pin.Model, element: Element, label: str, where: str) -> Closure:
+def _axis(element: Element, tag: str, where: str) -> list[float]:
+    """The axis at an end of a cut joint: its own, or `<axis>`, which is that of both."""
+    own = element.find(f"{tag}_axis")
+    given = element.find("axis") if own is None else own
+    if given is None:
+        return [1.0, 0.0, 0.0] if element.tag in ("loop_joint", "constraint") else [0.0, 0.0, 1.0]
+    axis = numbers_in(given, "xyz", where)
+    if not any(axis):
+        raise ModelError(f"{where}: its {given.tag} is no direction; give a vector that is not zero")
+    return axis
+
+
+def drake_ends(element: Element, where: str) -> list[tuple[str, pin.SE3]]:
+    """The two links that an element of Drake's names, and the points on them."""
     ends = []
-    for body, point in (("A", "AP"), ("B", "BQ")):
-        link = element.find(f"drake:ball_constraint_body_{body}")
-        at = element.find(f"drake:ball_constraint_p_{point}")
-        if link is None or at is None:
-            raise ModelError(
-                f"{where} lacks drake:ball_constraint_body_{body} or drake:ball_constraint_p_{point}; "
-                "give both"
-            )
-        place = pin.SE3(np.eye(3), np.array(numbers_in(at, "value", where)))
-        ends.append(on_link(model, link.get("name", ""), place, where))
-    return close_between(model, PointClosure, label, (ends[0], ends[1]))
+    for keys in (("body_A", "p_AP"), ("body_B", "p_BQ")):
+        body, point = (drake_part(element, key, where) for key in keys)
+        at = pin.SE3(np.eye(3), np.array(numbers_in(point, "value", where)))
+        ends.append((body.get("name", ""), at))
+    return ends
 
 
-def _place(model: pin.Model, end: Element, where: str) -> tuple[int, pin.SE3]:
-    """A place on a link: by an <origin> below the element, or by xyz and rpy of its own."""
-    origin = end.find("origin")
-    given = end if origin is None else origin
-    xyz = numbers_in(given, "xyz", where) if given.get("xyz") is not None else [0.0, 0.0, 0.0]
-    rpy = numbers_in(given, "rpy", where) if given.get("rpy") is not None else [0.0, 0.0, 0.0]
-    place = pin.SE3(pin.rpy.rpyToMatrix(*rpy), np.array(xyz))
-    return on_link(model, end.get("link", ""), place, where)
+def drake_part(element: Element, key: str, where: str) -> Element:
+    """A part of an element of Drake's, whose tags begin with its own; a ModelError where it is not there."""
+    found = element.find(f"{element.tag}_{key}")
+    if found is None:
+        raise ModelError(f"{where} lacks {element.tag}_{key}; add it")
+    return found
 
 
 def on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[int, pin.SE3]:

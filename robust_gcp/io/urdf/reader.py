@@ -43,7 +43,7 @@ VELOCITIES = {
 READ_AS = {"continuous": "revolute"} | dict.fromkeys(SPHERICAL, "floating")
 """What Pinocchio's parser gets in place of a type; balls are made of floating joints afterwards."""
 
-FORCES = ("damping", "spring_stiffness", "spring_reference")
+FORCES = ("spring_stiffness", "spring_reference", "damping")
 
 ENDLESS = {"lower": f"-{UNLIMITED}", "upper": UNLIMITED, "effort": UNLIMITED, "velocity": UNLIMITED}
 
@@ -63,21 +63,21 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
 
     `continuous` joints, which Pinocchio stores as (cos, sin), are read as revolute joints without
     limits: one number in q each, and full turns are counted. Links with their inertia, joints with their
-    damping, and the elements of `urdf_loops` are read; shapes and meshes are not opened. `independent` of
-    URDF+ marks joints: those marked "false" are not independent, the others are.
+    damping, and the elements of `loops` are read; shapes and meshes are not opened. `independent` of URDF+
+    marks joints: those marked "false" are not independent, the others are.
 
     Parameters
     ----------
     urdf : str or Path
         A file, or the XML text itself.
     base : "fixed", "free" or None
-        See `urdf_base.set_base`.
+        See `base.set_base`.
 
     Raises
     ------
     ModelError
         Naming the file and what is wrong: not found, not XML, loops that are not known, and see
-        `urdf_check.check_urdf`.
+        `check.check_urdf`.
     """
     check_base(base)
     root, name = parsed_xml(urdf, "URDF", _scan)
@@ -126,12 +126,11 @@ def _forces(root: Element, name: str) -> list[Force]:
         dynamics, label = joint.find("dynamics"), joint.get("name", "")
         if dynamics is None or joint.get("type") == "fixed":
             continue
-        numbers = {key: number_in(dynamics, key, name) for key in FORCES if dynamics.get(key) is not None}
-        if numbers.get("spring_stiffness"):
-            rest = numbers.get("spring_reference", 0.0)
-            found.append(JointSpring(label, numbers["spring_stiffness"], rest))
-        if numbers.get("damping", 0.0) > 0.0:
-            found.append(JointDamper(label, numbers["damping"]))
+        stiffness, rest, damping = (number_in(dynamics, key, name, 0.0) for key in FORCES)
+        if stiffness:
+            found.append(JointSpring(label, stiffness, rest))
+        if damping:
+            found.append(JointDamper(label, damping))
     return found
 
 
@@ -141,14 +140,9 @@ def _set_armature(root: Element, model: pin.Model, name: str) -> None:
         dynamics = element.find("dynamics")
         if dynamics is None or dynamics.get("armature") is None or element.get("type") == "fixed":
             continue
-        joint, words = (
-            model.joints[model.getJointId(element.get("name", ""))],
-            dynamics.get("armature", "").split(),
-        )
-        few = len(words) == 1
-        numbers = (
-            number_in(dynamics, "armature", name) if few else numbers_in(dynamics, "armature", name, joint.nv)
-        )
+        joint = model.joints[model.getJointId(element.get("name", ""))]
+        count = 1 if len(dynamics.get("armature", "").split()) == 1 else joint.nv
+        numbers = numbers_in(dynamics, "armature", name, count)
         if np.min(numbers) < 0.0:
             raise ModelError(
                 f"{name}: joint {element.get('name')!r}: its armature is negative; give kg m² or kg"
@@ -186,37 +180,26 @@ def _reduced(root: Element) -> Element:
         inertial = link.find("inertial")
         if inertial is not None:
             to = SubElement(to, "inertial")
-            _place(inertial, to)
+            _numbers(inertial, to, "origin", ("xyz", "rpy"))
             _numbers(inertial, to, "mass", ("value",))
             _numbers(inertial, to, "inertia", (*MOMENTS, *PRODUCTS))
     for joint in root.findall("joint"):
         kind = joint.get("type", "")
-        endless = kind == "continuous"
         to = SubElement(robot, "joint", {"name": joint.get("name", ""), "type": READ_AS.get(kind, kind)})
         for end in ("parent", "child"):
             SubElement(to, end, {"link": joint.find(end).get("link", "")})  # type: ignore[union-attr]
-        _place(joint, to)
+        _numbers(joint, to, "origin", ("xyz", "rpy"))
         axis = joint.find("axis")
         if axis is not None and kind in MOVING:
             x, y, z = map(float, axis.get("xyz", "").split())
             size = math.hypot(x, y, z)
             SubElement(to, "axis", {"xyz": f"{x / size!r} {y / size!r} {z / size!r}"})
-        if endless:
-            SubElement(to, "limit", ENDLESS)
-        elif kind in ("revolute", "prismatic"):
-            limit = joint.find("limit")
-            given = (
-                {}
-                if limit is None
-                else {k: repr(float(limit.get(k, ""))) for k in LIMITS if k in limit.attrib}
-            )
-            SubElement(to, "limit", ENDLESS | given)
+        if kind in ("revolute", "prismatic", "continuous"):
+            limit = None if kind == "continuous" else joint.find("limit")
+            given = {} if limit is None else {k: limit.get(k, "") for k in LIMITS if k in limit.attrib}
+            SubElement(to, "limit", ENDLESS | {k: repr(float(number)) for k, number in given.items()})
         _numbers(joint, to, "dynamics", ("damping", "friction"))
     return robot
-
-
-def _place(source: Element, target: Element) -> None:
-    _numbers(source, target, "origin", ("xyz", "rpy"))
 
 
 def _numbers(source: Element, target: Element, tag: str, keys: tuple[str, ...]) -> None:
