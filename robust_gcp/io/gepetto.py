@@ -17,7 +17,10 @@ import pinocchio as pin
 from ..checks import hint, shown
 from ..errors import ModelError
 from ..mechanism.forces.forces import Force, JointDamper
+from ..mechanism.tree.joints import along
+from .robot_yaml import is_list_of_str
 
+AXES = dict(zip("XYZ", np.eye(3), strict=True))
 UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 2)}
 """Universal joints by type: first axis, then second, of the URDF joint's frame."""
 
@@ -38,7 +41,7 @@ def joint_changes(settings: dict[str, Any], path: Path) -> dict[str, str]:
     names = settings.get("joint_name") or []
     kinds = settings.get("joint_type") or []
     for key, value in (("joint_name", names), ("joint_type", kinds)):
-        if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+        if not is_list_of_str(value):
             raise ModelError(f"{path}: {key} must be a list of names, not {shown(value)}")
     if len(names) != len(kinds):
         raise ModelError(
@@ -101,8 +104,8 @@ def with_joint_changes(model: pin.Model, changes: dict[str, str], path: Path) ->
             new = changed.addJoint(parent, pin.JointModelSpherical(), placement, name)
         elif kind in UNIVERSAL:
             first, second = UNIVERSAL[kind]
-            cross = changed.addJoint(parent, _revolute(first), placement, f"{name}_{first}")
-            new = changed.addJoint(cross, _revolute(second), pin.SE3.Identity(), f"{name}_{second}")
+            cross = changed.addJoint(parent, along("R", AXES[first]), placement, f"{name}_{first}")
+            new = changed.addJoint(cross, along("R", AXES[second]), pin.SE3.Identity(), f"{name}_{second}")
         else:
             new = changed.addJoint(parent, model.joints[old], placement, name)
             _copy_joint_data(model, old, changed, new)
@@ -127,10 +130,6 @@ def with_changed_forces(forces: Sequence[Force], changes: dict[str, str]) -> lis
         elif kind in UNIVERSAL:
             found += [JointDamper(f"{force.joint}_{axis}", force.damping) for axis in UNIVERSAL[kind]]
     return found
-
-
-def _revolute(axis: str) -> pin.JointModel:
-    return {"X": pin.JointModelRX, "Y": pin.JointModelRY, "Z": pin.JointModelRZ}[axis]()
 
 
 def _copy_joint_data(model: pin.Model, old: int, changed: pin.Model, new: int) -> None:

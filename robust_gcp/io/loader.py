@@ -23,7 +23,6 @@ from ..mechanism.parts import parts_of_file
 from ..mechanism.tolerances import NEARLY_CLOSED
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .home import closed_home, with_coordinates
-from .mjcf.reader import read_mjcf
 from .own_block import (
     couplings_of,
     forces_of,
@@ -34,11 +33,19 @@ from .own_block import (
     set_gravity,
     with_axes,
 )
-from .robot_file import READERS, UNREAD, has_yaml, is_mjcf, others_beside, require_read, robot_file
+from .robot_file import (
+    READERS,
+    UNREAD,
+    has_yaml,
+    is_mjcf,
+    others_beside,
+    read_robot,
+    require_read,
+    robot_file,
+)
 from .robot_packages import named_path
 from .robot_yaml import closures_of, is_list_of_str, settings_of
 from .text_file import files_in, inside, is_file, is_link, path_of
-from .urdf.reader import read_urdf
 
 log = logging.getLogger(__name__)
 
@@ -146,11 +153,11 @@ def load(
             raise ModelError(f"{path}: give the folder that it is in; read there is robot.yaml")
         path = path.parent
     if path.suffix in READERS and not has_yaml(path):
-        contents = _read(path, base, root, moving)
+        contents = read_robot(path, base, root, moving, False)
         return _mechanism(contents, path, path, path.stem, {}, {}, asked)
     folder, path = _folder(path.parent if path.suffix in READERS else path, name_or_folder)
     if path.suffix in READERS:
-        contents = _read(inside(folder, path.name), base, root, moving)
+        contents = read_robot(inside(folder, path.name), base, root, moving, False)
         contents.left_out += named("files beside it", others_beside(path))
         return _mechanism(contents, path, path, folder.name, {}, {}, asked)
     settings = settings_of(path)
@@ -158,35 +165,17 @@ def load(
     closures = with_axes(own.get("axes"), closures_of(settings, path), path)
     changes = joint_changes(settings, path)
     robot = inside(folder, robot_file(folder))
-    if is_mjcf(robot):
-        contents = read_mjcf(robot, base, root, moving)
-        if changes:
-            raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
-    else:
-        _require_still(robot, moving)
-        contents = read_urdf(robot, base)
-        contents.model = with_joint_changes(contents.model, changes, path)
-        contents.forces = with_changed_forces(contents.forces, changes)
+    if changes and is_mjcf(robot):
+        raise ModelError(f"{path}: joint_name is for URDF; write the joint as it is in {robot.name}")
+    contents = read_robot(robot, base, root, moving, True)
+    contents.model = with_joint_changes(contents.model, changes, path)
+    contents.forces = with_changed_forces(contents.forces, changes)
     contents.close([*closures, *couplings_of(own, path)])
     contents.forces += forces_of(own, path)
     if independent is None:
         asked = asked._replace(independent=independent_of(own, path))
     set_gravity(own.get("gravity"), contents.model, path)
     return _mechanism(contents, path, robot, folder.name, settings, own, asked)
-
-
-def _read(path: Path, base: str | None, root: Any, moving: Any) -> FileContents:
-    """What the file's reader finds."""
-    if READERS[path.suffix] is read_mjcf:
-        return read_mjcf(path, base, root, moving)
-    _require_still(path, moving)
-    return READERS[path.suffix](path, base, root)
-
-
-def _require_still(path: Path, moving: Any) -> None:
-    """Refuse to move bodies of other formats than MJCF."""
-    if moving is not None:
-        raise OptionError(f"{path}: moving= is for MJCF; write the joint into the file, and drive it")
 
 
 def _tell_floating(model: pin.Model, path: Path) -> None:
@@ -241,8 +230,8 @@ def _mechanism(
     motors = settings.get("name_mot")
     if motors is not None and motors != "auto" and not is_list_of_str(motors):
         raise ModelError(f"{path}: name_mot must be a list of joint names or 'auto', not {shown(motors)}")
-    given = home_of(own["home"], model, path) if own.get("home") is not None else None
-    guess = home_of(own["guess"], model, path, "guess") if own.get("guess") is not None else contents.pose()
+    given, guess = (home_of(own, key, model, path) for key in ("home", "guess"))
+    guess = contents.pose() if guess is None else guess
     try:
         loops, rounded = without_unmoved_rows(ClosedLoops(model, contents.closures))
         contents.left_out += named(IMPLIED, rounded)
@@ -281,6 +270,5 @@ def _mechanism(
     mechanism.parts = tuple(
         parts_of_file(mechanism, contents.parts, contents.bounce, asked.limits, asked.friction)
     )
-    if own.get("recommended") is not None:
-        mechanism.recommended = recommended_of(own, mechanism, path)
+    mechanism.recommended = recommended_of(own, mechanism, path)
     return mechanism

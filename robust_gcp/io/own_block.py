@@ -19,26 +19,25 @@ from ..mechanism.forces.forces import Force, JointDamper, JointSpring, JointTorq
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.recommended import Recommended
 from ..mechanism.tree.tree import Array
+from .robot_yaml import is_list_of_str
 
 Made = TypeVar("Made")
 
 SCHEMA = 1
 RANK = 1e-8
 """Dimensionless size below which a velocity of the loops is rounding."""
+
+LISTS: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "springs": (("joint", "stiffness"), ("rest",)),
+    "dampers": (("joint", "damping"), ()),
+    "point_springs": (("frames", "stiffness"), ("rest_length", "damping")),
+    "couplings": (("joint1",), ("joint2", "ratio", "offset", "higher", "more")),
+}
+"""Keys under which there are lists of mappings, with the keys of these: required, and optional."""
+
 OWN_KEYS = (
-    "schema",
-    "description",
-    "home",
-    "guess",
-    "gravity",
-    "axes",
-    "springs",
-    "dampers",
-    "point_springs",
-    "torques",
-    "couplings",
-    "independent",
-    "recommended",
+    *("schema", "description", "home", "guess", "gravity", "axes", "torques", "independent", "recommended"),
+    *LISTS,
 )
 
 
@@ -56,11 +55,12 @@ def own_block(settings: dict[str, Any], path: Path) -> dict[str, Any]:
     return own
 
 
-def home_of(home: Any, model: pin.Model, path: Path, key: str = "home") -> Array:
+def home_of(own: dict[str, Any], key: str, model: pin.Model, path: Path) -> Array | None:
     """`home` or `guess`: {joint: value or list of values} as q (nq,); joints not named stay neutral."""
-    q: Array = pin.neutral(model)
+    home = own.get(key)
     if home is None:
-        return q
+        return None
+    q: Array = pin.neutral(model)
     if not isinstance(home, dict):
         raise ModelError(f"{path}: robust_gcp.{key} must map joint names to values, not {shown(home)}")
     names = list(model.names)
@@ -146,19 +146,9 @@ def with_axes(axes: Any, closures: Sequence[Closure], path: Path) -> list[Closur
 
 def forces_of(own: dict[str, Any], path: Path) -> list[Force]:
     """`springs`, `dampers`, `point_springs` and `torques`."""
-    forces: list[Force] = []
-    for i, item in enumerate(_items(own, "springs", ("joint", "stiffness"), ("rest",), path)):
-        forces.append(_made(JointSpring, item, f"{path}: robust_gcp.springs[{i}]"))
-    for i, item in enumerate(_items(own, "dampers", ("joint", "damping"), (), path)):
-        forces.append(_made(JointDamper, item, f"{path}: robust_gcp.dampers[{i}]"))
-    optional = ("rest_length", "damping")
-    for i, item in enumerate(_items(own, "point_springs", ("frames", "stiffness"), optional, path)):
-        where = f"{path}: robust_gcp.point_springs[{i}]"
-        frames = item.pop("frames")
-        if not isinstance(frames, list) or len(frames) != 2 or not all(isinstance(f, str) for f in frames):
-            raise ModelError(f"{where}: frames must be a pair of frame names, not {shown(frames)}")
-        item |= {"frame1": frames[0], "frame2": frames[1]}
-        forces.append(_made(PointSpring, item, where))
+    forces: list[Force] = [*_all_of(own, "springs", JointSpring, path)]
+    forces += _all_of(own, "dampers", JointDamper, path)
+    forces += _all_of(own, "point_springs", _point_spring, path)
     torques = own.get("torques") or {}
     if not isinstance(torques, dict):
         raise ModelError(f"{path}: robust_gcp.torques must map joint names to N m or N, not {shown(torques)}")
@@ -168,46 +158,51 @@ def forces_of(own: dict[str, Any], path: Path) -> list[Force]:
     return forces
 
 
+def _point_spring(frames: Any, **numbers: Any) -> PointSpring:
+    if not is_list_of_str(frames) or len(frames) != 2:
+        raise ModelError(f"frames must be a pair of frame names, not {shown(frames)}")
+    return PointSpring(*frames, **numbers)
+
+
 def couplings_of(own: dict[str, Any], path: Path) -> list[CouplingClosure]:
     """`couplings: [{joint1, joint2, ratio, offset, higher: [...], more: [[joint, number], ...]}]`."""
-    found = []
-    fields = ("joint2", "ratio", "offset", "higher", "more")
-    for i, item in enumerate(_items(own, "couplings", ("joint1",), fields, path)):
-        item = {"joint2": None, "ratio": 0.0} | item
-        lists = {key: item.get(key) or [] for key in ("higher", "more")}
-        where = f"{path}: robust_gcp.couplings[{i}]"
-        if not all(isinstance(value, list) for value in lists.values()):
-            raise ModelError(f"{where}: higher and more must be lists, not {shown(lists)}")
-        more = tuple(tuple(pair) if isinstance(pair, list) else pair for pair in lists["more"])
-        found.append(_made(CouplingClosure, item | {"higher": tuple(lists["higher"]), "more": more}, where))
-    return found
+    return _all_of(own, "couplings", _coupling, path)
+
+
+def _coupling(higher: Any = None, more: Any = None, **item: Any) -> CouplingClosure:
+    lists = {"higher": higher or [], "more": more or []}
+    if not all(isinstance(value, list) for value in lists.values()):
+        raise ModelError(f"higher and more must be lists, not {shown(lists)}")
+    pairs = tuple(tuple(pair) if isinstance(pair, list) else pair for pair in lists["more"])
+    item = {"joint2": None, "ratio": 0.0} | item
+    return CouplingClosure(**item, higher=tuple(lists["higher"]), more=pairs)
 
 
 def independent_of(own: dict[str, Any], path: Path) -> list[str] | None:
     """`independent: [joints or joint.component]`: the coordinates, in place of the motors."""
     names = own.get("independent")
-    if names is not None and not (isinstance(names, list) and all(isinstance(n, str) for n in names)):
+    if names is not None and not is_list_of_str(names):
         raise ModelError(f"{path}: robust_gcp.independent must be a list of joint names, not {shown(names)}")
     return names
 
 
-def _items(
-    own: dict[str, Any], key: str, required: tuple[str, ...], optional: tuple[str, ...], path: Path
-) -> list[dict[str, Any]]:
-    """Copies of the mappings under a key, their keys checked."""
-    items = own.get(key) or []
+def _all_of(own: dict[str, Any], key: str, kind: Callable[..., Made], path: Path) -> list[Made]:
+    """What the mappings under a key of `LISTS` describe, their keys checked."""
+    items, (required, optional) = own.get(key) or [], LISTS[key]
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise ModelError(
             f"{path}: robust_gcp.{key} must be a list of mappings with {', '.join(required)}, not "
             + shown(items)
         )
+    found = []
     for i, item in enumerate(items):
         where = f"robust_gcp.{key}[{i}]"
         _require_known(item, required + optional, path, where)
         missing = [name for name in required if name not in item]
         if missing:
             raise ModelError(f"{path}: {where} lacks {', '.join(missing)}; add what is missing")
-    return [dict(item) for item in items]
+        found.append(_made(kind, item, f"{path}: {where}"))
+    return found
 
 
 def _made(kind: Callable[..., Made], item: dict[str, Any], where: str) -> Made:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from ..errors import ModelError
+from ..errors import ModelError, OptionError
 from ..mechanism.contents import FileContents
 from .mjcf.reader import read_mjcf
 from .sdf.reader import read_sdf
@@ -50,18 +51,28 @@ def _urdf(path: Path, base: str | None, root: str | Path | None) -> FileContents
     return contents
 
 
-def _xml(path: Path, base: str | None, root: str | Path | None) -> FileContents:
-    return (read_mjcf if is_mjcf(path) else _urdf)(path, base, root)
-
-
 READERS: dict[str, Reader] = {
-    ".urdf": _urdf,
-    ".xml": _xml,
     ".mjcf": read_mjcf,
+    **dict.fromkeys((".urdf", ".xml"), _urdf),
     **dict.fromkeys((".sdf", ".world"), read_sdf),
     **dict.fromkeys((".usda", ".usdc", ".usd"), read_usd),
 }
-"""Of each suffix; another format is one more entry."""
+"""Of each suffix, *.xml where it is no MJCF; another format is one more entry."""
+
+
+def read_robot(path: Path, base: str | None, root: Any, moving: Any, has_yaml: bool) -> FileContents:
+    """What the reader of a file finds; the loops that a URDF leaves open are for its robot.yaml.
+
+    Raises
+    ------
+    OptionError
+        For `moving` in other formats than MJCF.
+    """
+    if is_mjcf(path):
+        return read_mjcf(path, base, root, moving)
+    if moving is not None:
+        raise OptionError(f"{path}: moving= is for MJCF; write the joint into the file, and drive it")
+    return read_urdf(path, base) if has_yaml else READERS[path.suffix](path, base, root)
 
 
 def has_yaml(path: Path) -> bool:

@@ -76,14 +76,14 @@ def _urdf(mechanism: Mechanism, lost: Lost) -> str:
     gravity = mechanism.own_model.gravity.linear
     if not np.array_equal(gravity, pin.Model.gravity981):
         note(lost, "gravity, which a URDF does not tell", [np.array2string(gravity)])
-    apart = [f for f in mechanism.forces if isinstance(f, JointTorque | TendonSpring) or not is_known(f)]
-    note(lost, "forces", [type(force).__name__ for force in apart])
-    _note_drives(mechanism, lost)
+    _note_acting(mechanism, lost, (TendonSpring, JointTorque))
     return text
 
 
-def _note_drives(mechanism: Mechanism, lost: Lost) -> None:
-    """Actuators that are more than a motor of the joint of that name, and tendons: URDF has none."""
+def _note_acting(mechanism: Mechanism, lost: Lost, forces: tuple[type, ...]) -> None:
+    """Forces of these kinds, tendons, and actuators that are more than a motor of the joint of that name."""
+    apart = [force for force in mechanism.forces if isinstance(force, forces) or not is_known(force)]
+    note(lost, "forces", [type(force).__name__ for force in apart])
     plain = [Actuator.motor(joint, joint) for joint in mechanism.actuated]
     note(lost, "actuators", [actuator.name for actuator in mechanism.actuators if actuator not in plain])
     note(lost, "tendons", list(mechanism.tendons))
@@ -96,9 +96,7 @@ def _folder(mechanism: Mechanism, folder: Path, lost: Lost) -> dict[Path, str]:
     for force in mechanism.forces:
         if isinstance(force, JointTorque):
             torques[force.joint] = torques.get(force.joint, 0.0) + float(force.torque)
-    apart = [f for f in mechanism.forces if isinstance(f, TendonSpring) or not is_known(f)]
-    note(lost, "forces", [type(force).__name__ for force in apart])
-    _note_drives(mechanism, lost)
+    _note_acting(mechanism, lost, (TendonSpring,))
     names = {j.name: [n for n, *_ in links_of(mechanism.own_model, j, "URDF")] for j in mechanism.joints}
     rec = mechanism.recommended
     run: dict[str, Any] = {"duration": float(rec.duration), "step": float(rec.step)}

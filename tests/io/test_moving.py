@@ -117,6 +117,13 @@ def test_what_cannot_be_moved_is_refused(moving: dict[str, tuple[str, ...]], wor
         rg.Mechanism.from_mjcf(TABLE, moving=moving)
 
 
+@pytest.mark.parametrize("suffix", ["xml", "mjcf"])
+def test_what_moves_is_told_to_load_too(tmp_path: Path, suffix: str) -> None:
+    file = tmp_path / f"table.{suffix}"
+    file.write_text(TABLE)
+    assert rg.load(file, moving={"table": ("x",)}).moved == ("table_x",)
+
+
 def test_wrong_words_for_what_moves(tmp_path: Path) -> None:
     for moving in (["table"], {"table": "x"}, {"table": (1,)}):
         with pytest.raises(rg.OptionError, match="moving = "):

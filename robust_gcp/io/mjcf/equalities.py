@@ -6,10 +6,12 @@ from typing import Any
 from xml.etree.ElementTree import Element
 
 from ...errors import ModelError
+from ...mechanism.actuation.paths import FixedTendon
 from ...mechanism.constraint.closures import Closure, FrameClosure, PointClosure
 from ...mechanism.constraint.couplings import AnyClosure, CouplingClosure
 from ...mechanism.constraint.pin_constraints import close_between
 from .compiled import is_off
+from .tendons import CompiledTendons
 from .tree import CompiledTree
 
 CONNECT, WELD, JOINT, TENDON = range(4)
@@ -18,7 +20,9 @@ SITE = 6
 """MuJoCo's mjOBJ_SITE."""
 
 
-def equalities_of(compiled: Any, tree: CompiledTree, document: Element) -> list[AnyClosure]:
+def equalities_of(
+    compiled: Any, tree: CompiledTree, tendons: CompiledTendons, document: Element
+) -> list[AnyClosure]:
     """The active ones; frames are added to the tree's model.
 
     Raises
@@ -55,7 +59,7 @@ def equalities_of(compiled: Any, tree: CompiledTree, document: Element) -> list[
         elif kind == JOINT:
             found.append(_of_joints(compiled, e, tree))
         elif kind == TENDON:
-            found.append(_of_tendons(compiled, e, tree, where))
+            found.append(_of_tendons(compiled, e, tree, tendons, where))
         else:
             raise ModelError(
                 f"{where} cannot be read; only {', '.join(KINDS[:4])} are: model it with bodies, or remove it"
@@ -86,45 +90,40 @@ def _of_joints(m: Any, e: int, tree: CompiledTree) -> CouplingClosure:
     """q₁ − q₁⁰ = Σ polycoefᵢ (q₂ − q₂⁰)ⁱ, with q⁰ of qpos0."""
     one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     coefficients = m.eq_data[e][:5].tolist()
-    q1 = float(m.qpos0[m.jnt_qposadr[one]])
+    q1 = _drawn(m, one)
     if two < 0:
         return CouplingClosure(tree.joints[one], None, 0.0, q1 + coefficients[0])
-    q2 = float(m.qpos0[m.jnt_qposadr[two]])
-    return CouplingClosure.from_polynomial(tree.joints[one], tree.joints[two], coefficients, q1, q2)
+    names = tree.joints[one], tree.joints[two]
+    return CouplingClosure.from_polynomial(*names, coefficients, q1, _drawn(m, two))
 
 
-def _of_tendons(m: Any, e: int, tree: CompiledTree, where: str) -> CouplingClosure:
+def _of_tendons(m: Any, e: int, tree: CompiledTree, tendons: CompiledTendons, where: str) -> CouplingClosure:
     """The same of lengths Σ coefᵢ qᵢ of fixed tendons."""
     one, two = int(m.eq_obj1id[e]), int(m.eq_obj2id[e])
     a, b, *curved = m.eq_data[e][:5].tolist()
     if two >= 0 and any(curved):
         raise ModelError(f"{where}: two tendons in a curved relation cannot be read; only polycoef 'a b'")
-    arms: dict[int, float] = {}
+    arms: dict[str, float] = {}
     for tendon, sign in ((one, 1.0), (two, -b)):
         if tendon < 0:
             continue
-        pulled = arms_of(m, tendon)
-        if not pulled:
+        path = tendons.paths[tendon]
+        if not isinstance(path, FixedTendon):
             raise ModelError(f"{where}: {m.tendon(tendon).name!r} is no fixed tendon; only those can be read")
-        for joint, arm in pulled.items():
+        for joint, arm in path.coefficients.items():
             arms[joint] = arms.get(joint, 0.0) + sign * arm
     arms = {joint: arm for joint, arm in arms.items() if arm != 0.0}
     if not arms:
         raise ModelError(f"{where}: its tendons pull at no joint; remove it")
-    offset = a + sum(arm * float(m.qpos0[m.jnt_qposadr[joint]]) for joint, arm in arms.items())
+    offset = a + sum(arm * _drawn(m, tree.joints.index(joint)) for joint, arm in arms.items())
     (first, lead), *others = arms.items()
-    further = [(tree.joints[joint], -arm / lead) for joint, arm in others]
+    further = [(joint, -arm / lead) for joint, arm in others]
     if not further:
-        return CouplingClosure(tree.joints[first], None, 0.0, offset / lead)
+        return CouplingClosure(first, None, 0.0, offset / lead)
     (second, ratio), *more = further
-    return CouplingClosure(tree.joints[first], second, ratio, offset / lead, more=tuple(more))
+    return CouplingClosure(first, second, ratio, offset / lead, more=tuple(more))
 
 
-def arms_of(m: Any, tendon: int) -> dict[int, float]:
-    """Joints that a fixed tendon pulls at, and its coefficients; none of a spatial one."""
-    wraps = range(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon])
-    return {int(m.wrap_objid[w]): float(m.wrap_prm[w]) for w in wraps if m.wrap_type[w] == WRAP_JOINT}
-
-
-WRAP_JOINT = 1
-"""MuJoCo's mjWRAP_JOINT."""
+def _drawn(m: Any, joint: int) -> float:
+    """A joint's number in qpos0."""
+    return float(m.qpos0[m.jnt_qposadr[joint]])

@@ -7,13 +7,14 @@ from typing import Any
 
 import numpy as np
 
+from ...mechanism.actuation.paths import FixedTendon
 from ...mechanism.contents import STAYS, named
 from ...mechanism.forces.ball_springs import BallSpring
 from ...mechanism.forces.forces import Force, JointDamper, JointSpring
 from ...mechanism.forces.lifted_weights import GravityCompensation
 from .actuators import IN_PARENT, JOINT, TENDON, is_constant
 from .compiled import is_off
-from .equalities import arms_of
+from .tendons import CompiledTendons
 from .tree import BALL, FREE, CompiledTree
 
 
@@ -67,17 +68,17 @@ def _lifts_all(m: Any) -> bool:
     return not np.any(m.body_gravcomp < 0.0) and not np.any(bounded)
 
 
-def actuated_by(m: Any, tree: CompiledTree) -> tuple[str, ...]:
+def actuated_by(m: Any, tree: CompiledTree, tendons: CompiledTendons) -> tuple[str, ...]:
     """Joints that actuators drive, directly or by a fixed tendon."""
-    driven: list[int] = []
+    driven: list[str] = []
     for a, (kind, target) in enumerate(zip(m.actuator_trntype, m.actuator_trnid[:, 0], strict=True)):
         if is_constant(m, a):
             continue
         if kind in (JOINT, IN_PARENT):
-            driven.append(int(target))
-        elif kind == TENDON:
-            driven += arms_of(m, int(target))
-    return tuple(tree.joints[j] for j in dict.fromkeys(driven) if not tree.is_fixed(j))
+            driven += [] if tree.is_fixed(target) else [tree.joints[target]]
+        elif kind == TENDON and isinstance(tendons.paths[target], FixedTendon):
+            driven += tendons.paths[target].joints
+    return tuple(dict.fromkeys(driven))
 
 
 def left_out_of(m: Any, tree: CompiledTree, told: dict[str, list[str]]) -> list[str]:

@@ -80,8 +80,8 @@ def read_mjcf(
     keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
     rated = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
     rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
-    closures = equalities_of(m, tree, xml)
     tendons = CompiledTendons(m, tree)
+    closures = equalities_of(m, tree, tendons, xml)
     drives = CompiledActuators(m, tree, tendons)
     sensors, unanswered = sensors_of(m, tree, tendons, drives, bool(source.meshes))
     source.told.setdefault("sensors", []).extend(unanswered)
@@ -91,7 +91,7 @@ def read_mjcf(
         [*forces_of(m, tree), *tendons.springs, *drives.springs],
         tree.home,
         keys,
-        actuated=actuated_by(m, tree),
+        actuated=actuated_by(m, tree, tendons),
         left_out=left_out_of(m, tree, drives.left_out | tendons.left_out | source.told),
         actuators=drives.actuators,
         tendons=tendons.by_name,
