@@ -83,13 +83,9 @@ def _axes(part: Array) -> Array:
     if len(part) == 2:
         cos, sin = part
         return np.stack([cos, -sin, sin, cos], axis=1).reshape(-1, 2, 2)
-    x, y, z, w = part
-    rows = [
-        *(1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)),
-        *(2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)),
-        *(2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)),
-    ]
-    return np.stack(rows, axis=1).reshape(-1, 3, 3)
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_quat(part.T).as_matrix())
 
 
 def closed_states(mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, Array]:

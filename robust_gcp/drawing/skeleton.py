@@ -168,14 +168,10 @@ def plane_normal(mechanism: ClosedLoops) -> Array | None:
     if len(turning) == 0:
         return None
     normal: Array = turning[0] / np.linalg.norm(turning[0])
-    rising = tree.J[:, :3] + np.cross(tree.J[:, 3:], tree.p[_joint_of(mechanism)])  # at the joints' origins
+    carriers = [joint.index for joint in mechanism.joints for _ in range(joint.nv)]
+    rising = tree.J[:, :3] + np.cross(tree.J[:, 3:], tree.p[carriers])  # at the joints' origins
     leaves = np.abs(np.cross(turning, normal)).max(), np.abs(rising @ normal).max(initial=0.0)
     return normal if max(leaves) <= PARALLEL else None
-
-
-def _joint_of(mechanism: ClosedLoops) -> list[int]:
-    """The joint that each velocity belongs to."""
-    return [joint.index for joint in mechanism.joints for _ in range(joint.nv)]
 
 
 def on_page(normal: Array, gravity: Array) -> tuple[Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 import numpy as np
@@ -48,6 +49,12 @@ def described(mechanism: Mechanism, charts: Sequence[Sequence[str]] = ()) -> byt
     root.text("joints", mechanism.joint_names)
     root.text("actuators", [actuator.name for actuator in mechanism.actuators])
     return bytes(Image(root))
+
+
+def identifier(text: str) -> str:
+    """A name in C that is like the text."""
+    name = re.sub(r"\W", "_", text)
+    return name if name[:1].isalpha() else f"m{name}"
 
 
 def in_chart(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import io
 import platform
-import re
 import sys
 import zipfile
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 from ..errors import ModelError
 from ..kernel.library import kernel_file
 from ..mechanism.mechanism import Mechanism
-from .description import described
+from .description import described, identifier
 
 INPUT, CONTROL, Q, V, CROSSINGS, TIME = 0, 100_000, 200_000, 300_000, 400_000, 500_000
 """Where the numbers of variables begin, as in fmu_unit.h."""
@@ -66,8 +65,7 @@ def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float, ver
             f"export: FMI {version}.0 has no folder for {system[1]} under {system[0]}; export .rgcp there"
         )
     folder, binary = FOLDERS[version][system], kernel_file()
-    name = re.sub(r"\W", "_", mechanism.name or "mechanism")
-    name = name if name[:1].isalpha() else f"m{name}"
+    name = identifier(mechanism.name or "mechanism")
     digest = hashlib.sha256(mechanism_file).hexdigest()[:32]
     files: dict[str, bytes] = {
         "modelDescription.xml": _description(mechanism, name, digest, step, version).encode(),

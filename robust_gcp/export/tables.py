@@ -7,10 +7,10 @@ Where y turns back the number is the mode's arc length s, and τ is multiplied b
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
 from ..dynamics.prescribed.motion import Motion
@@ -20,7 +20,7 @@ from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..simulation.simulate import simulate
 from .arc_length import by_arc_length
-from .description import require_compiled
+from .description import identifier, require_compiled
 
 DEGREE = 7
 CELLS = (32, 64, 128, 256, 512)
@@ -47,8 +47,7 @@ def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
     if mechanism.m != 1 or len(mechanism.numbers) != 1:
         told = f"{called} has y = {', '.join(mechanism.independent)}"
         raise ModelError(f"export: tables are of one coordinate that is a joint's of one freedom; {told}")
-    name = re.sub(r"\W", "_", stem)
-    name = name if name[:1].isalpha() else f"m{name}"
+    name = identifier(stem)
     fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "CALLED": called}
     fill |= {"FILE": stem, "JOINT": mechanism.independent[0], "HOME": repr(_home(mechanism))}
     found = _along(mechanism)
@@ -128,11 +127,8 @@ def _fitted(samples: Array, called: str) -> tuple[Array, float]:
         table, worst = np.zeros((cells, samples.shape[1], DEGREE + 1)), 0.0
         for cell in range(cells):
             values = _series(wave, (cell + 0.5 + 0.5 * nodes) / cells)
-            fit = np.polynomial.chebyshev.chebfit(nodes, values, DEGREE)
-            for k in range(samples.shape[1]):
-                power = np.polynomial.chebyshev.cheb2poly(fit[:, k])
-                table[cell, k, : len(power)] = power
-            found = np.array([np.polynomial.polynomial.polyval(between, row) for row in table[cell]]).T
+            table[cell] = polynomial.polyfit(nodes, values, DEGREE).T  # through all of them
+            found = polynomial.polyval(between, table[cell].T).T
             off = np.abs(found - _series(wave, (cell + 0.5 + 0.5 * between) / cells)) / size
             worst = max(worst, float(off.max()))
         if worst <= EXACT:

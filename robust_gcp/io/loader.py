@@ -233,18 +233,17 @@ def _mechanism(
     given, guess = (home_of(own, key, model, path) for key in ("home", "guess"))
     guess = contents.pose() if guess is None else guess
     try:
-        loops, rounded = without_unmoved_rows(ClosedLoops(model, contents.closures))
-        contents.left_out += named(IMPLIED, rounded)
+        loops, implied = without_unmoved_rows(ClosedLoops(model, contents.closures))
         if given is not None:
             home = given
             if loops.closure_residual(home) <= ROUNDED:
                 loops, rounded = without_rounded_rows(loops, home)
-                contents.left_out += named(IMPLIED, rounded)
+                implied += rounded
         else:
             spreads = MANY_STARTS if guess is None else FEW_STARTS
             start = loops.home if guess is None else guess
             loops, home, rounded = closed_home(loops, start, spreads)
-            contents.left_out += named(IMPLIED, rounded)
+            implied += rounded
             if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
                 home = regular_near(loops, home, NEARLY_SINGULAR)
         if isinstance(motors, list):
@@ -255,6 +254,7 @@ def _mechanism(
         if not contents.actuators:
             single = {joint.name for joint in loops.joints if joint.single}
             contents.actuators = [Actuator.motor(n, n) for n in contents.actuated if n in single]
+        contents.left_out += named(IMPLIED, implied)
         tell_left_out(contents.left_out, str(path), asked.strict)
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
         choice = asked.independent, wanted, given is not None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from ...simulation.trajectories.trajectory import Trajectory
 from ..skeleton import PARALLEL, placements, plane_normal, upward
 from .frames import pictures
 from .geometry import Sticks, face_on, layers, sticks
-from .meshes import bare_bodies, mesh_data, shapes_of
+from .meshes import bare_bodies, mesh_data, packed, shapes_of
 
 FLASH = 4 / 30
 """How long a contact is shown after its end, s of play: an impact has no duration."""
@@ -90,11 +89,6 @@ def scene_data(mechanism: Mechanism, positions: Sequence[Array], view: Array | N
             up = np.array(found["up"])
         found = {"view": (view / np.linalg.norm(view)).tolist(), "up": up.tolist()}
     return found
-
-
-def packed(values: Array) -> str:
-    """Little-endian 32-bit floats in base 64: a millionth of the size of the scene is not seen."""
-    return base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode("ascii")
 
 
 def _one_plane(normal: Array | None, ends: Array, positions: Array) -> bool:

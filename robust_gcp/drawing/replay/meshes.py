@@ -132,14 +132,14 @@ def _shape(item: Any) -> dict[str, Any]:
         return {"kind": kind.lower(), "radius": float(shape.radius), "length": 2.0 * float(shape.halfLength)}
     if kind.startswith("BVHModel"):
         triangles = [shape.tri_indices(i) for i in range(shape.num_tris)]
-        index = np.array([[t[0], t[1], t[2]] for t in triangles], dtype="<u4")
-        corners = np.ascontiguousarray(shape.vertices(), dtype="<f4")
-        return {"kind": "mesh", "corners": _text(corners), "index": _text(index)}
+        index = packed([[t[0], t[1], t[2]] for t in triangles], "<u4")
+        return {"kind": "mesh", "corners": packed(shape.vertices()), "index": index}
     raise OptionError(
         f"visual: {item.name!r} is a {kind}, which a replay cannot draw; take it out of the geometry, or "
         "give a mesh, a box, a sphere, a cylinder, a capsule or a cone"
     )
 
 
-def _text(values: Any) -> str:
-    return base64.b64encode(values.tobytes()).decode("ascii")
+def packed(values: Any, kind: str = "<f4") -> str:
+    """Little-endian 32-bit floats in base 64: a millionth of the size of the scene is not seen."""
+    return base64.b64encode(np.ascontiguousarray(values, dtype=kind).tobytes()).decode("ascii")

@@ -48,7 +48,7 @@ def _lifts(m: Any, tree: CompiledTree) -> list[Force]:
     weights = [
         (tree.bodies[b], float(m.body_gravcomp[b] * m.body_mass[b]), tuple(m.body_ipos[b].tolist()))
         for b in np.flatnonzero(m.body_gravcomp).tolist()
-        if tree.on(b, np.zeros(3))[0] and m.body_mass[b] > 0.0
+        if tree.carrier(b) and m.body_mass[b] > 0.0
     ]
     return [GravityCompensation(weights)] if weights else []
 

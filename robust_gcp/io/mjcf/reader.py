@@ -19,7 +19,7 @@ from .compiled import compiled
 from .document import Document
 from .equalities import equalities_of
 from .left_out import actuated_by, forces_of, left_out_of
-from .sensors import sensors_of, velocity_of
+from .sensors import sensors_of
 from .stops import restitution_of
 from .tendons import CompiledTendons
 from .tree import CompiledTree
@@ -79,7 +79,7 @@ def read_mjcf(
     names = all_named([m.key(k).name for k in range(m.nkey)], [f"key{k}" for k in range(m.nkey)], 0, "_")
     keys = {name: tree.configuration(m.key_qpos[k]) for k, name in enumerate(names)}
     rated = {name: k for k, name in enumerate(names) if np.any(m.key_qvel[k])}
-    rates = {name: velocity_of(m, tree, m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
+    rates = {name: tree.velocity(m.key_qpos[k], m.key_qvel[k]) for name, k in rated.items()}
     tendons = CompiledTendons(m, tree)
     closures = equalities_of(m, tree, tendons, xml)
     drives = CompiledActuators(m, tree, tendons)

@@ -10,7 +10,6 @@ import pinocchio as pin
 
 from ...mechanism.sensing.instant import GROUND, Branch, Spot
 from ...mechanism.sensing.sensors import KINDS, Sensor
-from ...mechanism.tree.tree import Array
 from ..names import all_named
 from .actuators import CompiledActuators
 from .compiled import is_off
@@ -124,12 +123,12 @@ class _Reader:
 
     def _require_masses(self, body: int) -> None:
         """Bodies that stand still may have masses of meshes that were not read."""
-        if self._meshes and self._tree.on(body, np.zeros(3))[0] == 0:
+        if self._meshes and self._tree.carrier(body) == 0:
             raise UnknownError
 
     def _standing(self) -> Branch | None:
         """Bodies on the ground, which have weight too; None where they have none."""
-        still = [b for b in range(1, self._m.nbody) if self._tree.on(b, np.zeros(3))[0] == 0]
+        still = [b for b in range(1, self._m.nbody) if self._tree.carrier(b) == 0]
         massive = [b for b in still if self._m.body_mass[b] > 0.0]
         if is_off(self._m, "GRAVITY") or not massive:
             return None
@@ -143,13 +142,13 @@ class _Reader:
         for b in range(body + 1, m.nbody):  # parents come first
             if m.body_parentid[b] in below:
                 below.append(b)
-        joint = self._tree.on(body, np.zeros(3))[0]
-        own = [b for b in below if self._tree.on(b, np.zeros(3))[0] == joint]
+        joint = self._tree.carrier(body)
+        own = [b for b in below if self._tree.carrier(b) == joint]
         if any(m.body_mass[b] > 0.0 for b in own):
             self._require_masses(body)
         if not sum(m.body_mass[b] for b in below) > 0.0:
             raise UnknownError
-        carriers = {self._tree.on(b, np.zeros(3))[0] for b in below} - {joint}
+        carriers = {self._tree.carrier(b) for b in below} - {joint}
         own_joints = m.body_jntnum[body] > 0 and not all(map(self._tree.is_fixed, self._joints(body)))
         whole = bool(own_joints) or joint == 0 == body
         frames = None if whole else tuple(self._frames(own))
@@ -176,17 +175,3 @@ class _Reader:
                 total += turn.act(own)
         numbers = [total.mass, *total.lever, *np.ravel(total.inertia)]
         return tuple(map(float, numbers)) if total.mass > 0.0 else ()
-
-
-def velocity_of(m: Any, tree: CompiledTree, qpos: Array, qvel: Array) -> Array:
-    """MuJoCo's velocities in the order of the model; of free joints it has v in the world's axes."""
-    v = np.zeros(tree.model.nv)
-    for j, label in enumerate(tree.joints):
-        if not tree.is_fixed(j):
-            joint = tree.model.joints[tree.model.getJointId(label)]
-            numbers = qvel[m.jnt_dofadr[j] :][: joint.nv].copy()
-            if joint.nv == 6:
-                turn = pin.Quaternion(*qpos[m.jnt_qposadr[j] + 3 :][:4]).normalized()
-                numbers[:3] = turn.toRotationMatrix().T @ numbers[:3]
-            v[joint.idx_v : joint.idx_v + joint.nv] = numbers
-    return v

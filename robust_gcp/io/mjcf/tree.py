@@ -79,11 +79,11 @@ class CompiledTree:
         rubbing = np.zeros(self.model.nv)
         for j, label in enumerate(self.joints):
             if not self.is_fixed(j) and not is_off(m, "FRICTIONLOSS"):
-                joint, at = self.model.joints[self.model.getJointId(label)], m.jnt_dofadr[j]
+                joint, at = self._joint(label), m.jnt_dofadr[j]
                 rubbing[joint.idx_v : joint.idx_v + joint.nv] = m.dof_frictionloss[at : at + joint.nv]
         self.model.upperDryFrictionLimit, self.model.lowerDryFrictionLimit = rubbing, -rubbing
         for j in np.flatnonzero(m.jnt_actfrclimited).tolist():
-            at = self.model.joints[self.model.getJointId(self.joints[j])].idx_v
+            at = self._joint(self.joints[j]).idx_v
             if m.jnt_type[j] not in (FREE, BALL):
                 self.model.lowerEffortLimit[at], self.model.upperEffortLimit[at] = m.jnt_actfrcrange[j]
         for s in range(m.nsite):
@@ -98,12 +98,28 @@ class CompiledTree:
         q = self.home.copy()
         for j, label in enumerate(self.joints):
             if not self.is_fixed(j):
-                joint = self.model.joints[self.model.getJointId(label)]
+                joint = self._joint(label)
                 numbers = qpos[self._from.jnt_qposadr[j] :][: joint.nq].copy()
                 if joint.nq > 1:
                     numbers[-4:] = np.roll(numbers[-4:], -1)
                 q[joint.idx_q : joint.idx_q + joint.nq] = numbers
         return q
+
+    def velocity(self, qpos: Array, qvel: Array) -> Array:
+        """MuJoCo's velocities in the order of the model; of free joints it has v in the world's axes."""
+        v = np.zeros(self.model.nv)
+        for j, label in enumerate(self.joints):
+            if not self.is_fixed(j):
+                joint = self._joint(label)
+                numbers = qvel[self._from.jnt_dofadr[j] :][: joint.nv].copy()
+                if joint.nv == 6:
+                    turn = _pose(np.zeros(3), qpos[self._from.jnt_qposadr[j] + 3 :][:4]).rotation
+                    numbers[:3] = turn.T @ numbers[:3]
+                v[joint.idx_v : joint.idx_v + joint.nv] = numbers
+        return v
+
+    def _joint(self, label: str) -> pin.JointModel:
+        return self.model.joints[self.model.getJointId(label)]
 
     def is_fixed(self, joint: int) -> bool:
         """Whether it is a free joint that base="fixed" takes away."""
@@ -117,6 +133,10 @@ class CompiledTree:
         """Joint that carries a body, and the placement on it of a place in body axes."""
         joint, place = self._places[body]
         return joint, place * _pose(at, turn)
+
+    def carrier(self, body: int) -> int:
+        """Joint that carries a body; 0 is the ground."""
+        return self._places[body][0]
 
     def site(self, site: int) -> tuple[int, pin.SE3]:
         """Joint that carries a site, and the placement on it."""
@@ -229,7 +249,7 @@ class CompiledTree:
         return int(joint), pin.SE3.Identity()
 
 
-def _pose(position: Array, quaternion: Sequence[float]) -> pin.SE3:
+def _pose(position: Array, quaternion: Array | Sequence[float]) -> pin.SE3:
     """A placement of MuJoCo's, quaternions with their scalar first."""
     turn = pin.Quaternion(*map(float, quaternion)).normalized()
     return pin.SE3(turn.toRotationMatrix(), np.array(position))

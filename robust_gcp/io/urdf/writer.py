@@ -9,15 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from ...mechanism.constraint.closures import (
-    Closure,
-    FrameClosure,
-    PointClosure,
-    PrismaticClosure,
-    RevoluteClosure,
-    UniversalClosure,
-    frame_of,
-)
+from ...mechanism.building.body_graph import CLOSURES
+from ...mechanism.constraint.closures import AxisClosure, Closure, UniversalClosure, frame_of
 from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.forces.forces import PointSpring
 from ...mechanism.mechanism import Mechanism
@@ -25,13 +18,7 @@ from ..written import Lost, Part, parts_of, text, whole_closures
 from .loops import SPRING
 
 TYPES = {"slide": "prismatic", "ball": "spherical", "free": "floating"}
-KINDS = {
-    PointClosure: "spherical",
-    FrameClosure: "fixed",
-    RevoluteClosure: "revolute",
-    PrismaticClosure: "prismatic",
-    UniversalClosure: "universal",
-}
+KINDS = {closure: kind for kind, closure in CLOSURES.items()}
 WIDE = 1e9
 """What is written for a bound that there is not, rad, m, N m, N, rad/s and m/s."""
 
@@ -149,7 +136,7 @@ def _close(root: Element, mechanism: Mechanism, carriers: list[str], label: str,
     if isinstance(tied, UniversalClosure):
         SubElement(loop, "parent_axis", xyz=text(tied.axis))
         SubElement(loop, "child_axis", xyz=text(tied.axis2))
-    elif isinstance(tied, (RevoluteClosure, PrismaticClosure)):
+    elif isinstance(tied, AxisClosure):
         SubElement(loop, "axis", xyz=text(tied.axis))
 
 

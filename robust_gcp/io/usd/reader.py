@@ -20,7 +20,7 @@ from .masses import inertia_of, rotation_of, schemas_of, value_of
 EARTH = 9.81
 """m/s², where a scene does not say."""
 
-KINDS = {"Revolute": "revolute", "Prismatic": "prismatic", "Spherical": "spherical", "Fixed": "fixed"}
+KINDS = ("Revolute", "Prismatic", "Spherical", "Fixed")
 FREEDOMS = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
 AXES = dict(zip("XYZ", np.eye(3), strict=True))
 
@@ -242,10 +242,8 @@ class _Stage:
                 f"a {label} joint cannot be read; {', '.join(KINDS)} ones and their like can",
             )
         scale = self.metres if label == "Prismatic" else np.pi / 180.0
-        wide = (
-            low is None or high is None or not np.isfinite([low, high]).all() or label not in tuple(KINDS)[:2]
-        )
-        return KINDS[label], axis, None if wide else (float(low) * scale, float(high) * scale)
+        wide = low is None or high is None or not np.isfinite([low, high]).all() or label not in KINDS[:2]
+        return label.lower(), axis, None if wide else (float(low) * scale, float(high) * scale)
 
     def _gravity(self) -> Array:
         scenes = [p for p in self._prims if p.IsA(self._physics.Scene)]
