@@ -30,6 +30,9 @@ APART = 0.05
 EDGE = 0.15
 """Conditioning of K_d at the end of a circle below which another is made; the map's zones begin at 0.05."""
 
+NEXT = 0.45
+"""Where about a circle another one is made that leads on, as a share of its reach: not where it is poor."""
+
 AHEAD = 1e-6
 """Share of a radius that counts as a move."""
 
@@ -106,7 +109,7 @@ class Followed:
         if self._on is not None:
             if self._conditioning(here) >= EDGE:
                 return False
-            place += 0.6 * _reach(self._on[0]) * float(np.sign(goal - place))
+            place += NEXT * _reach(self._on[0]) * float(np.sign(goal - place))
         elif not (isinstance(self._explicit, ClusterMap) and self._explicit.in_zone):
             return False
         failed: list[float] = mechanism.memo.once("no circles about", list)

@@ -7,11 +7,13 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.adapters import knot as knots
 from robust_gcp.adapters.knot import Knot
 from robust_gcp.adapters.mode_points import Followed
 from robust_gcp.dynamics.modes.taylor_series import circles_of
 from robust_gcp.dynamics.problem import initial_value_problem
 from robust_gcp.examples.linkages import four_bar
+from robust_gcp.simulation.derivatives import at_states
 
 Array = NDArray[np.float64]
 
@@ -62,13 +64,22 @@ def test_a_knot_has_the_steps_and_derivatives_of_the_reference_beside_flat(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     mech, start = rg.load("rhombus"), np.array([0.5, -0.5, 0.5])
-    knot, known = (Knot(mech, start, None, mech.iq_independent) for _ in range(2))
-    monkeypatch.setattr(known, "_by_kernel", lambda *of: False)
-    for y in (0.3, 0.06, -0.02, 0.001, -0.4, 0.0):
-        x, tau = np.array([y, -1.5]), np.array([2.0, 0.0, 0.0])
-        np.testing.assert_allclose(knot.step(x, tau, 1e-2), known.step(x, tau, 1e-2), rtol=0.0, atol=1e-9)
-        for one, two in zip(knot.jacobians(x, tau, 1e-2), known.jacobians(x, tau, 1e-2), strict=True):
-            np.testing.assert_allclose(one, two, rtol=0.0, atol=1e-8)
+    tau, places = (
+        np.array([2.0, 0.0, 0.0]),
+        [np.array([y, -1.5]) for y in (0.3, 0.06, -0.02, 0.001, -0.4, 0.0)],
+    )
+
+    def told() -> list[tuple[Array, Array, Array]]:
+        knot = Knot(mech, start, None, mech.iq_independent)
+        return [(knot.step(x, tau, 1e-2), *knot.jacobians(x, tau, 1e-2)) for x in places]
+
+    by_kernel = told()
+    for module in (knots, at_states):
+        monkeypatch.setattr(module, "derivation", lambda *of: None)
+    for (end, A, B), (other, C, D) in zip(by_kernel, told(), strict=True):
+        np.testing.assert_allclose(end, other, rtol=0.0, atol=1e-9)
+        np.testing.assert_allclose(A, C, rtol=0.0, atol=1e-8)
+        np.testing.assert_allclose(B, D, rtol=0.0, atol=1e-8)
 
 
 @pytest.mark.parametrize("scene", ["rhombus", "five_bar"])
