@@ -300,3 +300,15 @@ def test_convert_translates(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     one, other = rg.load("five_bar"), rg.load(tmp_path / "b")
     np.testing.assert_allclose(other.home, one.home)
     assert other.independent == one.independent
+
+
+def test_a_spring_along_a_tendon_of_the_file_is_written_into_that_tendon(tmp_path: Path) -> None:
+    xml = """<mujoco><worldbody><site name="hook" pos="0 0 2"/>
+      <body><joint name="j" axis="0 1 0"/><geom size="0.1" contype="0" conaffinity="0"/>
+        <site name="tip" pos="1 0 0"/></body></worldbody>
+      <tendon><spatial name="cord" stiffness="5" damping="0.1" springlength="0.3">
+        <site site="hook"/><site site="tip"/></spatial></tendon></mujoco>"""
+    mech = rg.Mechanism.from_mjcf(xml)
+    back = rg.load(mech.write(tmp_path / "back.xml"))
+    assert tuple(back.tendons) == ("cord",)
+    assert back.forces == mech.forces == (rg.PointSpring("hook", "tip", 5.0, 0.3, 0.1),)

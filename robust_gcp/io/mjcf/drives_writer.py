@@ -13,6 +13,7 @@ from ...mechanism.actuation.paths import FixedTendon, Path, TurningJoint
 from ...mechanism.actuation.site_paths import SiteForce, SliderCrank
 from ...mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from ...mechanism.actuation.tendon_springs import TendonSpring
+from ...mechanism.forces.forces import PointSpring
 from ...mechanism.mechanism import Mechanism
 from ..names import unlike
 from ..written import Lost, note, quaternion, text
@@ -56,7 +57,10 @@ class DrivesWriter:
         for name, path in mechanism.tendons.items():
             self._tendon(path, name)
         for spring in mechanism.forces:
-            if isinstance(spring, TendonSpring):
+            if isinstance(spring, PointSpring):  # a tendon straight from site to site
+                along, rest = SpatialTendon([spring.frame1, spring.frame2]), spring.rest_length
+                self._spring(TendonSpring(along, spring.stiffness, rest, rest, spring.damping))
+            elif isinstance(spring, TendonSpring):
                 self._spring(spring)
         for actuator in mechanism.actuators:
             self._actuator(actuator)

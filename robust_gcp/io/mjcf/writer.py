@@ -12,7 +12,7 @@ from ...errors import ModelError
 from ...mechanism.constraint.closures import Closure, FrameClosure, PointClosure, RevoluteClosure, frame_of
 from ...mechanism.constraint.couplings import CouplingClosure
 from ...mechanism.forces.applied_forces import is_known
-from ...mechanism.forces.forces import JointTorque, PointSpring
+from ...mechanism.forces.forces import JointTorque
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Stop
 from ...mechanism.tree.joints import JointKind
@@ -164,7 +164,7 @@ def _qpos(part: Part, q: Array) -> Array:
 
 
 class _Ties:
-    """Equalities and tendons, and the sites that they need."""
+    """Equalities, the tendons of couplings, and the sites that they need."""
 
     def __init__(self, mechanism: Mechanism, bodies: list[Element]) -> None:
         self.tendons: list[Element] = []
@@ -186,13 +186,6 @@ class _Ties:
                 self._couple(tied)
             else:
                 self._close(tied)
-        for spring in (f for f in self._mechanism.forces if isinstance(f, PointSpring)):
-            numbers = (spring.stiffness, spring.damping, spring.rest_length)
-            named = zip(("stiffness", "damping", "springlength"), map(repr, map(float, numbers)), strict=True)
-            tendon = Element("spatial", dict(named))
-            for frame in (spring.frame1, spring.frame2):
-                SubElement(tendon, "site", site=self.site_of(frame))
-            self.tendons.append(tendon)
 
     def _close(self, tied: Closure) -> None:
         frames = (tied.frame1, tied.frame2)

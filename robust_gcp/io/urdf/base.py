@@ -83,15 +83,10 @@ def _end(joint: Element, tag: str) -> str:
 
 def _moves(root: Element, link: str) -> bool:
     """Whether a joint below the link moves."""
-    below = {link}
-    joints = root.findall("joint")
-    grown = True
-    while grown:
-        grown = False
-        for joint in joints:
-            if _end(joint, "parent") in below and _end(joint, "child") not in below:
-                if joint.get("type") != "fixed":
-                    return True
-                below.add(_end(joint, "child"))
-                grown = True
+    below = [link]
+    for above in below:  # which grows
+        hanging = [joint for joint in root.findall("joint") if _end(joint, "parent") == above]
+        if any(joint.get("type") != "fixed" for joint in hanging):
+            return True
+        below += [_end(joint, "child") for joint in hanging]
     return False

@@ -23,27 +23,27 @@ def left_out_of(root: Element, name: str) -> list[str]:
     joints = [j for j in root.findall("joint") if j.get("type") != "fixed"]
     moving = [j for j in joints if j.get("type") in MOVING]
     links = [link for link in root.findall("link") if link.find("collision") is not None]
-    found = named("dry friction of joints", (_label(j) for j in moving if _friction(j, name) > 0.0))
-    found += named("limits of joints", (_label(j) for j in moving if _limited(j, name)))
-    found += named(
-        "soft limits of joints", (_label(j) for j in joints if j.find("safety_controller") is not None)
-    )
-    found += named("contacts of links", map(_label, links))
-    kinds: dict[str, list[str]] = {}
+    kinds = {
+        "dry friction of joints": [_label(j) for j in moving if _friction(j, name) > 0.0],
+        "limits of joints": [_label(j) for j in moving if _limited(j, name)],
+        "soft limits of joints": [_label(j) for j in joints if j.find("safety_controller") is not None],
+        "contacts of links": [_label(link) for link in links],
+    }
+    unknown: dict[str, list[str]] = {}
     for joint in joints:
         for part in joint:
             if part.tag not in (*JOINT_PARTS, "safety_controller"):
-                kinds.setdefault(f"<{part.tag}> of joints", []).append(_label(joint))
+                unknown.setdefault(f"<{part.tag}> of joints", []).append(_label(joint))
         for dynamics in joint.findall("dynamics"):
             for key in dynamics.attrib.keys() - DYNAMICS:
-                kinds.setdefault(f"{key} of joints", []).append(_label(joint))
+                unknown.setdefault(f"{key} of joints", []).append(_label(joint))
     for element in root:
         if element.tag not in PLAIN and not _is_read(element):
             label = element.get("name") or element.get("reference") or "unnamed"
-            kinds.setdefault(f"<{element.tag}>", []).append(label)
-    for kind in sorted(kinds):
-        found += named(kind, kinds[kind])
-    return found
+            unknown.setdefault(f"<{element.tag}>", []).append(label)
+    return [
+        entry for kind, where in [*kinds.items(), *sorted(unknown.items())] for entry in named(kind, where)
+    ]
 
 
 def _is_read(element: Element) -> bool:
