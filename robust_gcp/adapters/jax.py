@@ -77,13 +77,7 @@ def step(mechanism: Mechanism, h: float, threads: int = 1) -> Callable[[Any, Any
     OptionError, StateError, ModelError
         As of `accelerations`.
     """
-    function = _function(Rollout(mechanism, h, 1, threads, "step"))
-
-    def one(q: Any, v: Any, tau: Any) -> Any:
-        Q, V = function(q, v, jnp.expand_dims(jnp.asarray(tau), -2))
-        return Q[..., 1, :], V[..., 1, :]
-
-    return one
+    return _function(Rollout(mechanism, h, 1, threads, whole=False))
 
 
 def rollout(mechanism: Mechanism, h: float, steps: int, threads: int = 1) -> Callable[[Any, Any, Any], Any]:

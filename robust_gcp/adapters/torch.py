@@ -76,13 +76,8 @@ def step(mechanism: Mechanism, h: float, threads: int = 1) -> Callable[[Any, Any
     OptionError, StateError, SimulationError, ModelError
         As of `accelerations`.
     """
-    exact = Rollout(mechanism, h, 1, threads, "step")
-
-    def one(q: Any, v: Any, tau: Any) -> Any:
-        Q, V = _applied(exact, q, v, tau.unsqueeze(-2))
-        return Q[..., 1, :], V[..., 1, :]
-
-    return one
+    exact = Rollout(mechanism, h, 1, threads, whole=False)
+    return lambda q, v, tau: _applied(exact, q, v, tau)
 
 
 def rollout(mechanism: Mechanism, h: float, steps: int, threads: int = 1) -> Callable[[Any, Any, Any], Any]:

@@ -126,6 +126,8 @@ def test_single_precision_and_other_shapes_are_refused() -> None:
     jax.config.update("jax_enable_x64", True)
     with pytest.raises(rg.StateError, match="step: v is"):
         adapter.step(mech, H)(q, v[:2], np.zeros(mech.nv))
+    with pytest.raises(rg.StateError, match=rf"step: tau is .*, and must be \('...', {mech.nv}\)"):
+        adapter.step(mech, H)(q, v, 1.0)
     with pytest.raises(rg.StateError, match="rollout: tau is"):
         adapter.rollout(mech, H, 5)(q, v, np.zeros((4, mech.nv)))
 

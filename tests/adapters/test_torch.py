@@ -108,6 +108,11 @@ def test_other_precisions_and_shapes_are_refused() -> None:
         adapter.step(mech, H)(q.float(), v, tau)
     with pytest.raises(rg.StateError, match="step: v is"):
         adapter.step(mech, H)(q, v[:, :2], tau)
+    with pytest.raises(rg.OptionError, match="step: tau is ndarray, and must be a tensor"):
+        adapter.step(mech, H)(q, v, tau.numpy())
+    for short in (tau[:2], torch.tensor(1.0, dtype=torch.float64)):
+        with pytest.raises(rg.StateError, match=rf"step: tau is .*, and must be \('...', {mech.nv}\)"):
+            adapter.step(mech, H)(q, v, short)
     with pytest.raises(rg.ClosureError, match="open by"):
         rocker = rg.load("crank_rocker").with_independent(["q3"])
         none = torch.zeros(3, dtype=torch.float64)

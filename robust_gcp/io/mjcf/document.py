@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element, tostring
 from ...checks import shown
 from ...errors import ModelError, missing_file
 from ...mechanism.sensing.sensors import KINDS
-from ..text_file import is_file, is_link, read_bytes
+from ..text_file import LONGEST_PATH, is_file, is_link, read_bytes
 from ..xml_text import parsed_xml, require_shallow
 
 MOST_FILES = 100
@@ -219,7 +219,7 @@ class Document:
         found = self._found(element, Path(given)) if given else "it names no file"
         if isinstance(found, Path):
             return found
-        if found == ABSENT and self._folder is not None and len(given) < MOST_FILES:
+        if found == ABSENT and self._folder is not None and len(given) < LONGEST_PATH:
             raise missing_file(self._folder / given)
         raise self._error(f"<{element.tag} file={shown(given)}> cannot be read: {found}")
 
