@@ -60,7 +60,7 @@ READERS: dict[str, Reader] = {
 """Of each suffix, *.xml where it is no MJCF; another format is one more entry."""
 
 
-def read_robot(path: Path, base: str | None, root: Any, moving: Any, has_yaml: bool) -> FileContents:
+def read_robot(path: Path, base: str | None, root: Any, moving: Any, with_yaml: bool) -> FileContents:
     """What the reader of a file finds; the loops that a URDF leaves open are for its robot.yaml.
 
     Raises
@@ -72,7 +72,7 @@ def read_robot(path: Path, base: str | None, root: Any, moving: Any, has_yaml: b
         return read_mjcf(path, base, root, moving)
     if moving is not None:
         raise OptionError(f"{path}: moving= is for MJCF; write the joint into the file, and drive it")
-    return read_urdf(path, base) if has_yaml else READERS[path.suffix](path, base, root)
+    return read_urdf(path, base) if with_yaml else READERS[path.suffix](path, base, root)
 
 
 def has_yaml(path: Path) -> bool:

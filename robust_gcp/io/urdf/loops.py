@@ -151,7 +151,7 @@ def _cut_joint(model: pin.Model, element: Element, label: str, where: str) -> Cl
         other.tag = "link2"
     tags = CUTS[element.tag]
     ends = drake_ends(element, where) if element.tag == BALL else [_end(element, t, where) for t in tags]
-    first, second = (on_link(model, link, place or pin.SE3.Identity(), where) for link, place in ends)
+    first, second = (on_link(model, link, place, where) for link, place in ends)
     make, aligned = KINDS[kind], True
     if kind == "universal":
         one, two = (_axis(element, tag, where) for tag in tags)
@@ -162,7 +162,7 @@ def _cut_joint(model: pin.Model, element: Element, label: str, where: str) -> Cl
         if not aligned:
             turn = pin.Quaternion.FromTwoVectors(np.array(one), np.array(two)).matrix()
             second = second[0], second[1] * pin.SE3(turn, np.zeros(3))
-    if aligned and not any(place for _, place in ends):
+    if aligned and all(place is None for _, place in ends):
         closure: Closure = make(*(link for link, _ in ends))
         return closure
     return close_between(model, make, label, (first, second))
@@ -207,10 +207,10 @@ def drake_part(element: Element, key: str, where: str) -> Element:
     return found
 
 
-def on_link(model: pin.Model, link: str, place: pin.SE3, where: str) -> tuple[int, pin.SE3]:
-    """The joint that carries a link, and a place on it in the joint's frame."""
+def on_link(model: pin.Model, link: str, place: pin.SE3 | None, where: str) -> tuple[int, pin.SE3]:
+    """The joint that carries a link, and a place on it, or the link's own, in the joint's frame."""
     if not model.existFrame(link, pin.FrameType.BODY):
         links = [f.name for f in model.frames if f.type == pin.FrameType.BODY]
         raise ModelError(f"{where} names the link {link!r}, which is not there{hint(link, links)}")
     frame = model.frames[model.getFrameId(link, pin.FrameType.BODY)]
-    return int(frame.parentJoint), frame.placement * place
+    return int(frame.parentJoint), frame.placement * (pin.SE3.Identity() if place is None else place)
