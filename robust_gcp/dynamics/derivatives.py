@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike
 from ..checks import check_callable, require_finite
 from ..errors import NonFiniteError
 from ..maps.explicit import Point
-from ..mechanism.forces.force_derivatives import ForceDerivatives
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .equations import Evaluation, called_torque
@@ -157,8 +156,6 @@ class PointDerivatives:
         self._rigid: RigidDerivatives = self.mechanism.memo.once(
             "rigid derivatives", lambda: RigidDerivatives(self.mechanism)
         )
-        applied = self.mechanism.applied
-        self._forces = None if applied is None else ForceDerivatives(self.mechanism, applied)
         self._mode = ModeRates(motion.start, known, sparing)
 
     def at_start(self, t: float) -> Derivatives:
@@ -215,8 +212,8 @@ class PointDerivatives:
             force -= now.tau
         by_q, by_v, M = self._rigid.derivatives_at(q, v, a)
         pulled_q, pulled_v = G.T @ by_q, G.T @ by_v
-        if self._forces is not None:
-            forces_q, forces_v = self._forces.derivatives_at(q, v, G)
+        if mechanism.applied is not None:
+            forces_q, forces_v = mechanism.applied.derivatives_at(q, v, G)
             pulled_q, pulled_v = pulled_q - forces_q, pulled_v - forces_v
         bent = np.einsum("n,inj->ij", force, rates.bend)
         by_y = bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y

@@ -14,7 +14,6 @@ from ..errors import NonFiniteError, OptionError, StateError
 from ..mechanism.frames import place_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.named_numbers import places_of
-from ..mechanism.tree.joints import support
 from ..mechanism.tree.tree import Array
 from .equations import Torque
 
@@ -145,7 +144,7 @@ class _JointFunction:
 
 
 class _FrameLoad:
-    """Jᵀ F of one wrench; J of the frame's body at the world's origin serves any point of it."""
+    """Jᵀ F of one wrench."""
 
     def __init__(self, mechanism: Mechanism, wrench: Wrench) -> None:
         self._tree = mechanism.tree
@@ -154,18 +153,11 @@ class _FrameLoad:
         self._joint, place = place_of(model, wrench.frame, "Wrench")
         self._offset = np.array(place.translation)
         self._turn = np.array(place.rotation) if wrench.reference == "local" else None
-        self._carries = np.zeros(model.nv)
-        self._carries[support(model, self._joint)] = 1.0
         self._supplied = wrench.force if callable(wrench.force) else None
         self._constant = np.split(np.zeros(6) if callable(wrench.force) else real_array(wrench.force), 2)
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
-        _, point, force, moment = self.load_at(t, q, v)
-        (x, y, z), (fx, fy, fz), (mx, my, mz) = point.tolist(), force.tolist(), moment.tolist()
-        about_origin = np.array(
-            (fx, fy, fz, mx + (y * fz - z * fy), my + (z * fx - x * fz), mz + (x * fy - y * fx))
-        )
-        tau += self._carries * self._tree.J.dot(about_origin)
+        tau += self._tree.lifted(*self.load_at(t, q, v))
 
     def load_at(self, t: float, q: Array, v: Array) -> tuple[int, Array, Array, Array]:
         """The joint that carries the frame, its origin, force and moment there, in world axes."""

@@ -15,7 +15,6 @@ import pinocchio as pin
 
 from ...checks import check_finite, check_text, checked_vector, listed, shown
 from ...errors import ModelError
-from ..constraint.closures import frame_of
 from ..tree.joints import JointKind, joint_named, single_joint
 from ..tree.tree import Array, Tree
 
@@ -55,6 +54,29 @@ class BoundPath(ABC):
     @abstractmethod
     def length_at(self, q: Array) -> tuple[float, Array]:
         """ℓ, m or rad, and ∂ℓ/∂q (nv,), at the configuration that the tree placed last."""
+
+
+class PathOnBodies(BoundPath):
+    """A path that acts on bodies: by virtual work ∂ℓ/∂q is what a unit force along it does in the joints."""
+
+    def __init__(self, tree: Tree) -> None:
+        self._tree = tree
+
+    @abstractmethod
+    def pulled(self) -> tuple[float, list[Load]]:
+        """ℓ, m or rad, and what a unit force does to bodies, where the tree was placed last."""
+
+    def loads(self) -> list[Load]:
+        """See `BoundPath`."""
+        return self.pulled()[1]
+
+    def length_at(self, q: Array) -> tuple[float, Array]:
+        """See `BoundPath`."""
+        length, loads = self.pulled()
+        moment = np.zeros(self._tree.nv)
+        for _, joint, point, force, about in loads:
+            moment += self._tree.lifted(joint, point, force, about)
+        return length, moment
 
 
 @dataclass(frozen=True, eq=True)
@@ -160,18 +182,6 @@ class _Turning(BoundPath):
             length = float(pin.log3(R) @ turn)
         moment[self._joint.v] = turn
         return length, moment
-
-
-def placed_frame(tree: Tree, name: str, owner: str) -> tuple[int, pin.SE3]:
-    """The joint that carries a frame, and its placement on it."""
-    frame = frame_of(tree.model, name, owner)
-    return int(frame.parentJoint), frame.placement
-
-
-def point_of(tree: Tree, name: str, owner: str) -> tuple[int, Array]:
-    """The joint that carries a frame, and its origin on it."""
-    joint, place = placed_frame(tree, name, owner)
-    return joint, np.array(place.translation)
 
 
 def tendons_given(tree: Tree, tendons: Any) -> dict[str, Path]:

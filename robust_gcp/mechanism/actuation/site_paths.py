@@ -9,10 +9,10 @@ import numpy as np
 import pinocchio as pin
 
 from ...checks import check_positive, check_text, checked_vector
-from ..tree.joints import support
+from ..frames import place_of
 from ..tree.tree import Array, Tree
 from ..tree.vectors import cross
-from .paths import BoundPath, Load, Path, placed_frame
+from .paths import BoundPath, Load, Path, PathOnBodies
 
 Placed = tuple[int, pin.SE3]
 
@@ -46,39 +46,30 @@ class SiteForce(Path):
         return _OnSite(tree, self, owner)
 
 
-class _OnSite(BoundPath):
+class _OnSite(PathOnBodies):
     def __init__(self, tree: Tree, path: SiteForce, owner: str) -> None:
-        self._tree, self._path, self._carried = tree, path, np.zeros(tree.nv)
-        self._gear = np.array(path.gear)
-        self._site, self._reference = placed_frame(tree, path.site, owner), None
-        self._carried[support(tree.model, self._site[0])] = 1.0
+        super().__init__(tree)
+        self._path, self._gear = path, np.array(path.gear)
+        self._site, self._reference = place_of(tree.model, path.site, owner), None
         if path.reference is not None:
-            self._reference = placed_frame(tree, path.reference, owner)
-            self._carried[support(tree.model, self._reference[0])] -= 1.0
+            self._reference = place_of(tree.model, path.reference, owner)
 
     def _placed(self, frame: Placed) -> tuple[Array, Array]:
         R, p = self._tree.R[frame[0]], self._tree.p[frame[0]]
         return R @ frame[1].rotation, p + R @ frame[1].translation
 
-    def length_at(self, q: Array) -> tuple[float, Array]:
-        """See `BoundPath`."""
+    def pulled(self) -> tuple[float, list[Load]]:
+        """See `PathOnBodies`."""
         R, p = self._placed(self._site)
-        axes, length = R, 0.0
-        if self._reference is not None:
-            axes, origin = self._placed(self._reference)
-            length = float(self._gear @ np.concatenate([axes.T @ (p - origin), pin.log3(axes.T @ R)]))
-        force, torque = axes @ self._gear[:3], axes @ self._gear[3:]
-        return length, (self._tree.J @ np.concatenate([force, torque + cross(p, force)])) * self._carried
-
-    def loads(self) -> list[Load]:
-        """See `BoundPath`."""
-        R, p = self._placed(self._site)
-        axes = R if self._reference is None else self._placed(self._reference)[0]
+        if self._reference is None:
+            return 0.0, [(self._path.site, self._site[0], p, R @ self._gear[:3], R @ self._gear[3:])]
+        axes, origin = self._placed(self._reference)
+        length = float(self._gear @ np.concatenate([axes.T @ (p - origin), pin.log3(axes.T @ R)]))
         force, moment = axes @ self._gear[:3], axes @ self._gear[3:]
-        found: list[Load] = [(self._path.site, self._site[0], p, force, moment)]
-        if self._reference is not None:
-            found.append((str(self._path.reference), self._reference[0], p, -force, -moment))
-        return found
+        return length, [
+            (self._path.site, self._site[0], p, force, moment),
+            (str(self._path.reference), self._reference[0], p, -force, -moment),
+        ]
 
 
 @dataclass(frozen=True)
@@ -107,42 +98,27 @@ class SliderCrank(Path):
         return _Cranked(tree, self, owner)
 
 
-class _Cranked(BoundPath):
+class _Cranked(PathOnBodies):
     def __init__(self, tree: Tree, path: SliderCrank, owner: str) -> None:
-        self._tree, self._path, self._rod = tree, path, float(path.rod)
-        self._crank, self._slider = (placed_frame(tree, name, owner) for name in (path.crank, path.slider))
-        self._of_crank, self._of_slider = np.zeros(tree.nv), np.zeros(tree.nv)
-        self._of_crank[support(tree.model, self._crank[0])] = 1.0
-        self._of_slider[support(tree.model, self._slider[0])] = 1.0
+        super().__init__(tree)
+        self._path, self._rod = path, float(path.rod)
+        self._crank, self._slider = (place_of(tree.model, name, owner) for name in (path.crank, path.slider))
 
-    def _found(self) -> tuple[float, Array, Array, Array, Array]:
-        """ℓ, its derivatives by the crank's point and the slider's axis, and these points."""
+    def pulled(self) -> tuple[float, list[Load]]:
+        """ℓ = a·d − √((a·d)² + rod² − d·d), d from the slider's site to the crank's; a·d beyond its reach."""
         tree, (i, on_crank), (j, on_slider) = self._tree, self._crank, self._slider
         axis = tree.R[j] @ on_slider.rotation[:, 2]
         at_crank = tree.p[i] + tree.R[i] @ on_crank.translation
         at_slider = tree.p[j] + tree.R[j] @ on_slider.translation
         d = at_crank - at_slider
-        along = float(axis @ d)
+        along = length = float(axis @ d)
+        by_d, by_axis = axis, d
         square = along**2 + self._rod**2 - float(d @ d)
-        if square <= 0.0:
-            return along, axis, cross(axis, d), at_crank, at_slider
-        root = float(np.sqrt(square))
-        share = 1.0 - along / root
-        return along - root, share * axis + d / root, share * cross(axis, d), at_crank, at_slider
-
-    def length_at(self, q: Array) -> tuple[float, Array]:
-        """ℓ = a·d − √((a·d)² + rod² − d·d), d from the slider's site to the crank's; a·d beyond its reach."""
-        length, by_d, turning, at_crank, at_slider = self._found()
-        J = self._tree.J
-        moment = (J @ np.concatenate([by_d, cross(at_crank, by_d)])) * self._of_crank
-        moment -= (J @ np.concatenate([by_d, cross(at_slider, by_d) - turning])) * self._of_slider
-        return length, moment
-
-    def loads(self) -> list[Load]:
-        """See `BoundPath`."""
-        _, by_d, turning, at_crank, at_slider = self._found()
-        none = np.zeros(3)
-        return [
-            (self._path.crank, self._crank[0], at_crank, by_d, none),
-            (self._path.slider, self._slider[0], at_slider, -by_d, turning),
+        if square > 0.0:
+            root = float(np.sqrt(square))
+            share = 1.0 - along / root
+            length, by_d, by_axis = along - root, share * axis + d / root, share * d
+        return length, [
+            (self._path.crank, i, at_crank, by_d, np.zeros(3)),
+            (self._path.slider, j, at_slider, -by_d, cross(axis, by_axis)),
         ]

@@ -11,10 +11,9 @@ import pinocchio as pin
 
 from ...checks import check_finite, check_text, checked_rows, checked_vector, listed, shown
 from ...errors import ModelError
-from ..tree.joints import support
+from ..frames import place_of
 from ..tree.tree import Array, Tree
-from ..tree.vectors import cross
-from .paths import BoundPath, Load, Path, placed_frame, point_of
+from .paths import BoundPath, Load, Path, PathOnBodies
 from .wrapping import CYLINDER, SPHERE, Wrapped, wrapped
 
 
@@ -114,11 +113,11 @@ Piece = tuple[float, int, Array, int, Array, tuple[str, str]]
 """A share of a length, and its ends: joints that carry them, points in world axes; frames of these."""
 
 
-class Line(BoundPath):
+class Line(PathOnBodies):
     """A spatial tendon: stretches between points, 1 / divisor of each, and what they wrap."""
 
     def __init__(self, tree: Tree, elements: Sequence[str | Pulley | Wrap], owner: str) -> None:
-        self._tree = tree
+        super().__init__(tree)
         self.stretches: list[tuple[float, int, Array, int, Array, Round | None]] = []
         self._frames: list[tuple[str, str, str]] = []
         share, before, wrap, names = 1.0, None, None, ("", "")
@@ -128,20 +127,20 @@ class Line(BoundPath):
             elif isinstance(element, Wrap):
                 wrap, names = self._round(element, owner), (names[0], element.frame)
             else:
-                here = point_of(tree, element, owner)
+                here = self._point(element, owner)
                 if before is not None:
                     self.stretches.append((share, *before, *here, wrap))
                     self._frames.append((*names, element))
                 before, wrap, names = here, None, (element, "")
-        joints = {0, *(j for _, a, _, b, _, w in self.stretches for j in (a, b, *([w.joint] if w else [])))}
-        self._carried = {j: np.zeros(tree.nv) for j in joints}
-        for joint, mask in self._carried.items():
-            mask[support(tree.model, joint)] = 1.0
+
+    def _point(self, frame: str, owner: str) -> tuple[int, Array]:
+        joint, place = place_of(self._tree.model, frame, owner)
+        return joint, np.array(place.translation)
 
     def _round(self, wrap: Wrap, owner: str) -> Round:
-        joint, placement = placed_frame(self._tree, wrap.frame, owner)
+        joint, placement = place_of(self._tree.model, wrap.frame, owner)
         place = placement * pin.SE3(np.array(wrap.rotation, dtype=float), np.array(wrap.position))
-        side = None if wrap.side is None else point_of(self._tree, wrap.side, owner)
+        side = None if wrap.side is None else self._point(wrap.side, owner)
         return Round(joint, place, float(wrap.radius), wrap.shape == CYLINDER, side)
 
     def _world(self, joint: int, at: Array) -> Array:
@@ -169,26 +168,14 @@ class Line(BoundPath):
         side = None if wrap.side is None else self._world(*wrap.side)
         return wrapped(start, end, centre, R, wrap.radius, wrap.cylinder, side)
 
-    def length_at(self, q: Array) -> tuple[float, Array]:
-        """See `BoundPath`."""
+    def pulled(self) -> tuple[float, list[Load]]:
+        """See `PathOnBodies`."""
         pieces, length = self._pieces()
-        moment = np.zeros(self._tree.nv)
-        for share, a, start, b, end, _ in pieces:
-            along = end - start
-            size = float(np.sqrt(along @ along))
+        loads, none = list[Load](), np.zeros(3)
+        for share, a, start, b, end, names in pieces:
+            size = float(np.linalg.norm(end - start))
             length += share * size
             if size > 0.0 and a != b:
-                u = along / size
-                wrench = np.concatenate([u, cross(start, u)])
-                moment += share * (self._tree.J @ wrench) * (self._carried[b] - self._carried[a])
-        return length, moment
-
-    def loads(self) -> list[Load]:
-        """See `BoundPath`."""
-        found, none = list[Load](), np.zeros(3)
-        for share, a, start, b, end, names in self._pieces()[0]:
-            size = float(np.linalg.norm(end - start))
-            if size > 0.0 and a != b:
                 pull = share * (end - start) / size
-                found += [(names[0], a, start, -pull, none), (names[1], b, end, pull, none)]
-        return found
+                loads += [(names[0], a, start, -pull, none), (names[1], b, end, pull, none)]
+        return length, loads

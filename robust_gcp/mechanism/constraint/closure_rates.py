@@ -106,20 +106,12 @@ class ClosureRates:
 
     def _tied(self, q: Array, v: Array, a: Array) -> Products:
         """The rows of couplings, q₁ − P(q₂) − Σ cᵢ qᵢ."""
-        tied = self._couplings
-        one, two = tied.iv.T
-        rows = np.arange(len(one))
-        slope, bend, third = tied.slopes(q)
-        x_q = np.zeros((len(one), len(v)), np.result_type(q, v, a))
-        d_q, dd_q, dd_v = (np.zeros_like(x_q) for _ in range(3))
-        x_q[rows, two] = -slope
-        x_q[rows, one] = 1.0  # a joint that is held has no second one: its own entry comes last
-        for row, _, iv, value in tied.further:
-            x_q[row, iv] = -value
-        d_q[rows, two] = -bend * v[two]
-        dd_q[rows, two] = -third * v[two] ** 2 - bend * a[two]
-        dd_v[rows, two] = -2.0 * bend * v[two]
-        return Products(tied.residual(q), x_q @ v, x_q @ a - bend * v[two] ** 2, x_q, d_q, dd_q, dd_v)
+        tied, two = self._couplings, self._couplings.iv[:, 1]
+        _, bend, third = tied.slopes(q)
+        x_q, d_q = tied.jacobian(q, len(v)), tied.jacobian_rate(q, v)
+        dd_q = np.zeros(x_q.shape, np.result_type(q, v, a))
+        dd_q[np.arange(len(two)), two] = -third * v[two] ** 2 - bend * a[two]
+        return Products(tied.residual(q), x_q @ v, x_q @ a + d_q @ v, x_q, d_q, dd_q, 2.0 * d_q)
 
 
 class _Terms:

@@ -198,22 +198,30 @@ class Couplings:
             self.coefficients[i, 0] = coupling.offset
         return self.coefficients
 
-    def slope(self, q: Array) -> Array:
-        """P′(q₂), (n,)."""
-        return _values(self._slopes, q[self.iq[:, 1]])
-
     def slopes(self, q: Array) -> tuple[Array, Array, Array]:
         """P′, P″ and P‴ at q₂, (n,) each."""
         x = q[self.iq[:, 1]]
         return _values(self._slopes, x), _values(self._curvatures, x), _values(self._thirds, x)
 
-    def slope_rate(self, q: Array, v: Array) -> Array:
-        """P″(q₂) v₂, (n,)."""
-        return np.asarray(_values(self._curvatures, q[self.iq[:, 1]]) * v[self.iv[:, 1]])
+    def jacobian(self, q: Array, nv: int) -> Array:
+        """∂φ/∂q, (n, nv)."""
+        rows = np.arange(len(self.iv))
+        K = np.zeros((len(rows), nv), q.dtype)
+        K[rows, self.iv[:, 1]] = -_values(self._slopes, q[self.iq[:, 1]])
+        K[rows, self.iv[:, 0]] = 1.0  # a joint that is held has no second one: its own entry comes last
+        for row, _, iv, value in self.further:
+            K[row, iv] = -value
+        return K
+
+    def jacobian_rate(self, q: Array, v: Array) -> Array:
+        """Its rate along v (nv,): −P″(q₂) v₂ in the columns of the second joints."""
+        rate = np.zeros((len(self.iv), len(v)), np.result_type(q, v))
+        rate[np.arange(len(rate)), self.iv[:, 1]] = -self.slopes(q)[1] * v[self.iv[:, 1]]
+        return rate
 
     def bias(self, q: Array, v: Array) -> Array:
         """−K̇ v = P″(q₂) v₂², (n,)."""
-        return np.asarray(self.slope_rate(q, v) * v[self.iv[:, 1]])
+        return np.asarray(self.slopes(q)[1] * v[self.iv[:, 1]] ** 2)
 
 
 def _values(coefficients: Array, x: Array) -> Array:

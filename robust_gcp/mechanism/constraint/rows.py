@@ -9,7 +9,7 @@ import numpy as np
 
 from ..tree.joints import Array
 from ..tree.vectors import apply, cross
-from .closures import Closure, Direction, Index
+from .closures import AXES, Closure, Direction
 
 ROTATION, ALONG = -1, -2
 """What `Row.axis` says of rows that are no world axis."""
@@ -57,98 +57,109 @@ def rows_of(closures: Sequence[Closure]) -> list[Row]:
     return rows
 
 
-class RotationRows:
-    """Σ w (u · n) rows: u fixed in frame 1 and n in frame 2 of a closure."""
+class LoopRows:
+    """Rows of closures, all at once: sums of w (a · n).
 
-    def __init__(self, rows: Index, layout: Sequence[Row], loops: int) -> None:
-        chosen = _chosen(rows, layout, ROTATION)
-        terms = [(i, row.closure, term) for i, row in chosen for term in row.terms]
-        self.at = np.array([i for i, _ in chosen])
-        self._owner = np.searchsorted(self.at, [row for row, _, _ in terms])
-        self._weight = np.array([t[0] for _, _, t in terms])
-        self._first = np.array([i for _, i, _ in terms])
-        self._second = self._first + loops
-        self._u_local = np.array([t[1] for _, _, t in terms])[:, :, None]
-        self._n_local = np.array([t[2] for _, _, t in terms])[:, :, None]
+    a is p₁ − p₂ of a position row, and a direction u fixed in frame 1 of a rotation row; n is fixed in frame
+    2, or in the world where the row is along one of its axes. Frames are all firsts, then all seconds.
 
-    def _placed(self, R: Array) -> tuple[Array, Array]:
-        """u and n of each term in world axes; R (npoints, 3, 3) are the frames' orientations."""
-        return (R[self._first] @ self._u_local)[:, :, 0], (R[self._second] @ self._n_local)[:, :, 0]
+    Parameters
+    ----------
+    rows : sequence of Row
+    loops : int
+        How many closures there are.
 
-    def residual(self, R: Array) -> Array:
-        """Σ w u · n of each row."""
-        return self._sum(np.einsum("ij,ij->i", *self._placed(R)))
+    Attributes
+    ----------
+    turning : bool
+        Whether some n turn with their frames.
+    """
 
-    def normals(self, R: Array) -> Array:
-        """Σ w u × n of each row, (rows, 3): φ̇ = (ω₁ − ω₂) · Σ w u × n."""
-        crossed = cross(*self._placed(R)) * self._weight[:, None]
-        normals = np.zeros((len(self.at), 3))
-        np.add.at(normals, self._owner, crossed)
-        return normals
-
-    def normal_rates(self, R: Array, omega: Array) -> Array:
-        """d/dt of `normals`, ω of all frames in world axes."""
-        w1, w2 = omega[self._first], omega[self._second]
-        u, n = self._placed(R)
-        rates = np.zeros((len(self.at), 3))
-        turned = cross(cross(w1, u), n) + cross(u, cross(w2, n))
-        np.add.at(rates, self._owner, turned * self._weight[:, None])
-        return rates
-
-    def bias(self, R: Array, omega: Array, alpha: Array) -> Array:
-        """−d/dt (φ̇) at zero joint acceleration; ω and α of all frames in world axes."""
-        w1, w2 = omega[self._first], omega[self._second]
-        u, n = self._placed(R)
-        normal = cross(u, n)  # of the term alone: weights come with the sum
-        rate = cross(cross(w1, u), n) + cross(u, cross(w2, n))
-        turning = np.einsum("ij,ij->i", alpha[self._first] - alpha[self._second], normal)
-        return -self._sum(turning + np.einsum("ij,ij->i", w1 - w2, rate))
-
-    def _sum(self, terms: Array) -> Array:
-        summed = np.bincount(self._owner, terms * self._weight, minlength=len(self.at))
-        return np.asarray(summed, dtype=float)
-
-
-class RowsAlong:
-    """n · (p₁ − p₂) rows: n fixed in frame 2 of a closure, d = p₁ − p₂."""
-
-    def __init__(self, rows: Index, layout: Sequence[Row], loops: int) -> None:
-        chosen = _chosen(rows, layout, ALONG)
-        self.at = np.array([i for i, _ in chosen])
-        self._first = np.array([row.closure for _, row in chosen])
-        self._second = self._first + loops
-        self._n_local = np.array([row.terms[0][2] for _, row in chosen])
+    def __init__(self, rows: Sequence[Row], loops: int) -> None:
+        terms = [(i, row, *term) for i, row in enumerate(rows) for term in row.terms or _along_axis(row)]
+        self._first = np.array([row.closure for _, row, *_ in terms], dtype=np.int64)
+        self._second, self._loops = self._first + loops, loops
+        self._ends = np.array([self._first, self._second])
+        self._weight = np.array([weight for _, _, weight, _, _ in terms])[:, None]
+        self._u = np.array([u for *_, u, _ in terms]).reshape(-1, 3)
+        self._n = np.array([n for *_, n in terms]).reshape(-1, 3)
+        axis = np.array([row.axis for _, row, *_ in terms], dtype=np.int64)[:, None]
+        self._point, self._turns = axis != ROTATION, axis < 0
+        self.turning = bool(self._turns.any())
+        self._entry = (3 * self._first[:, None] + axis).ravel()  # of p₁ − p₂, of rows along the world's axes
+        self._starts = np.searchsorted([i for i, *_ in terms], np.arange(len(rows)))
 
     def residual(self, p: Array, R: Array) -> Array:
-        """n · d of each row; the frames' places p (npoints, 3), m, and orientations R (npoints, 3, 3)."""
-        return np.asarray(np.einsum("ij,ij->i", self._n(R), p[self._first] - p[self._second]))
+        """φ; the frames' places p (npoints, 3), m, and orientations R (npoints, 3, 3)."""
+        if not self.turning:
+            return self._apart(p).take(self._entry)
+        return self._sums(self._a(p, R) * self._normals(R)).sum(axis=1)
 
     def wrenches(self, p: Array, R: Array) -> Array:
-        """(n, p₁ × n), (rows, 6): φ̇ = n · (ṗ₁ − ṗ₂ − ω₂ × d), the first point moved by either body."""
-        n = self._n(R)
-        return np.hstack([n, cross(p[self._first], n)])
+        """Force and moment at the world's origin that each row is on body 1, and on body 2, (2, rows, 6).
+
+        (n, p₁ × n) and (n, p₂ × n) where n is fixed in the world. Where n turns with body 2, its ω₂ moves a
+        as well: both get the same wrench, (n, p₁ × n) of a position row and (0, u × n) of a rotation row.
+        """
+        n = self._normals(R)
+        return self._wrenches(n, cross(self._arms(p, R), n))
 
     def wrench_rates(self, p: Array, R: Array, speed: Array, omega: Array) -> Array:
-        """d/dt of `wrenches`; velocities of all frames' origins and ω in world axes."""
-        n = self._n(R)
-        turned = cross(omega[self._second], n)
-        return np.hstack([turned, cross(speed[self._first], n) + cross(p[self._first], turned)])
+        """d/dt of `wrenches`; velocities of all frames' origins, and ω, in world axes."""
+        n, arms, moved = self._normals(R), self._arms(p, R), speed.take(self._ends, 0)
+        turned = self._turns * cross(omega[self._second], n)
+        own = np.where(self._point, moved[0], cross(omega[self._first], arms[0]))
+        moved = np.where(self._turns, own, moved)
+        return self._wrenches(turned, cross(moved, n) + cross(arms, turned))
 
-    def bias(self, p: Array, R: Array, speed: Array, pull: Array, omega: Array, alpha: Array) -> Array:
-        """−d/dt (φ̇) at zero joint acceleration, from velocities and accelerations of all frames."""
-        first, second, n = self._first, self._second, self._n(R)
-        w = omega[second]
-        rate = cross(w, n)
-        bend = cross(alpha[second], n) + cross(w, rate)
-        changes = n * (pull[first] - pull[second]) + 2.0 * rate * (speed[first] - speed[second])
-        return np.asarray(-(changes + bend * (p[first] - p[second])).sum(axis=1))
+    def bias(self, p: Array, R: Array, pull: Array, rates: tuple[Array, Array, Array] | None) -> Array:
+        """−φ̈ at zero joint acceleration, from the frames' accelerations and, if `turning`, their ṗ, ω and ω̇.
 
-    def _n(self, R: Array) -> Array:
-        return apply(R[self._second], self._n_local)
+        φ̈ is the sum of w (a″ · n), a seen from where n is fixed, which turns with ω and ω̇: of a point
+        d = p₁ − p₂, d′ = ḋ − ω × d and d″ = d̈ − ω̇ × d − ω × (ω × d) − 2 ω × d′; of a direction, with
+        w = ω₁ − ω, u′ = w × u and u″ = (ω̇₁ − ω̇ − ω × ω₁) × u + w × u′.
+        """
+        if rates is None:
+            return -self._apart(pull).take(self._entry)
+        (speed, omega, alpha), one, two = rates, self._first, self._second
+        a, w, dw = self._a(p, R), self._turns * omega[two], self._turns * alpha[two]
+        rate = speed[one] - speed[two] - cross(w, a)
+        straight = pull[one] - pull[two] - cross(dw, a) - cross(w, cross(w, a)) - 2.0 * cross(w, rate)
+        apart = omega[one] - w
+        turned = cross(alpha[one] - dw - cross(w, omega[one]), a) + cross(apart, cross(apart, a))
+        return -self._sums(np.where(self._point, straight, turned) * self._normals(R)).sum(axis=1)
+
+    def _apart(self, p: Array) -> Array:
+        return p[: self._loops] - p[self._loops :]
+
+    def _normals(self, R: Array) -> Array:
+        """n of each term in world axes."""
+        return np.where(self._turns, apply(R[self._second], self._n), self._n) if self.turning else self._n
+
+    def _arms(self, p: Array, R: Array) -> Array:
+        """What n acts at on either body, (2, terms, 3): p₁ or u, and p₂ where n is fixed in the world."""
+        ends = p.take(self._ends, 0)
+        if not self.turning:
+            return ends
+        return np.where(self._turns, np.where(self._point, ends[0], apply(R[self._first], self._u)), ends)
+
+    def _a(self, p: Array, R: Array) -> Array:
+        return np.where(self._point, self._apart(p)[self._first], apply(R[self._first], self._u))
+
+    def _wrenches(self, n: Array, moments: Array) -> Array:
+        """Those of the rows, from forces n of the terms that are positions and all moments, (2, terms, 3)."""
+        terms = np.empty((2, len(n), 6))
+        terms[:, :, :3], terms[:, :, 3:] = self._point * n, moments
+        return self._sums(terms)
+
+    def _sums(self, terms: Array) -> Array:
+        """Σ w over the terms of each row, (…, rows, k) from (…, terms, k)."""
+        if not self.turning:
+            return terms
+        found: Array = np.add.reduceat(self._weight * terms, self._starts, axis=-2)
+        return found
 
 
-def _chosen(rows: Index, layout: Sequence[Row], axis: int) -> list[tuple[int, Row]]:
-    """The chosen rows of one sort, with their places among all that are chosen."""
-    return [
-        (i, layout[full]) for i, full in enumerate(rows) if full < len(layout) and layout[full].axis == axis
-    ]
+def _along_axis(row: Row) -> tuple[tuple[float, Direction, Direction]]:
+    """The one term of a row along an axis of the world."""
+    return ((1.0, (0.0, 0.0, 0.0), AXES[row.axis]),)

@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from ..loops import ClosedLoops
-from ..tree.joints import support
+from ..tree.joints import carrying
 from ..tree.tree import Array
 from ..tree.vectors import skew
 from .closures import WELDED, Closure, RevoluteClosure
@@ -21,9 +21,8 @@ class Separation:
         count = len(loops.loops)
         model = tree.model
         frames = [model.frames[i] for i in range(model.nframes - 2 * count, model.nframes)]
-        self._carried = np.zeros((2 * count, loops.nv))
-        for point, frame in enumerate(frames):
-            self._carried[point, support(model, int(frame.parentJoint))] = 1.0
+        joints = [int(frame.parentJoint) for frame in frames]
+        self._carried = np.array([carrying(model, joint) for joint in joints]).reshape(2 * count, loops.nv)
         both = (
             self._carried[:count] * self._carried[count:]
         )  # what carries the loop as a whole closes nothing

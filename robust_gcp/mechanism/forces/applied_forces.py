@@ -94,12 +94,9 @@ class AppliedForces:
 
         joints = [f.place(tree.joints) for f in springs]
         self._spring_q = np.array([j.idx_q for j in joints], dtype=np.int64)
+        self._spring_v = np.array([j.idx_v for j in joints], dtype=np.int64)
         self._stiffness = np.array([f.stiffness for f in springs])
         self._rest = np.array([f.rest for f in springs])
-        self._spring_lift = np.zeros((nv, len(springs)))
-        for i, joint in enumerate(joints):
-            self._spring_lift[joint.idx_v, i] = -self._stiffness[i]
-
         self._damping, self._drive = np.zeros(nv), np.zeros(nv)
         for force in self.known:
             if isinstance(force, JointDamper):
@@ -130,7 +127,8 @@ class AppliedForces:
             tau = self._drive - self._damping * v
             power = float(tau @ v)
         if len(self._spring_q):
-            tau = tau + self._spring_lift @ (q[self._spring_q] - self._rest)
+            pulls = -self._stiffness * (q[self._spring_q] - self._rest)
+            tau = tau + np.bincount(self._spring_v, pulls, minlength=len(tau))
         if self._lines is not None:
             line_tau, line_power = self._lines.torque_at(q, v)
             tau, power = tau + line_tau, power + line_power
@@ -145,6 +143,25 @@ class AppliedForces:
     def tau(self, q: Array, v: Array) -> Array:
         """τ(q, v), (nv,), N m and N."""
         return self.torque_at(q, v)[0]
+
+    def derivatives_at(self, q: Array, v: Array, G: Array) -> tuple[Array, Array]:
+        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v, (m, nv) each, along the velocities' components.
+
+        Raises
+        ------
+        ModelError, NonFiniteError
+            That names a force whose derivatives are none.
+        """
+        by_q, by_v = np.zeros(G.T.shape), -(G.T * self._damping)
+        for i, iv in enumerate(self._spring_v):
+            by_q[:, iv] -= self._stiffness[i] * G[iv]
+        if self._lines is not None:
+            lines_q, lines_v = self._lines.derivatives_at(q, v, G)
+            by_q, by_v = by_q + lines_q, by_v + lines_v
+        for force in (*self._tendons, *(() if self.own is None else self.own.forces)):
+            own_q, own_v = checked_derivatives(force, self._mechanism, q, v)
+            by_q, by_v = by_q + G.T @ own_q, by_v + G.T @ own_v
+        return by_q, by_v
 
     def energy(self, q: Array) -> float:
         """Potential energy, J."""
@@ -168,7 +185,7 @@ class OwnForces:
     """
 
     def __init__(self, mechanism: Mechanism, forces: Sequence[Force]) -> None:
-        self._mechanism, self._forces = mechanism, tuple(forces)
+        self._mechanism, self.forces = mechanism, tuple(forces)
         self._still = np.zeros(mechanism.nv)
 
     def torque_at(self, q: Array, v: Array) -> tuple[Array, float]:
@@ -180,7 +197,7 @@ class OwnForces:
             That names a force which returns something else.
         """
         tau, power = np.zeros(len(v)), 0.0
-        for force in self._forces:
+        for force in self.forces:
             tau += checked_tau(force, self._mechanism, q, v)
             if has_energy(force):
                 power += float(checked_tau(force, self._mechanism, q, self._still) @ v)
@@ -191,17 +208,11 @@ class OwnForces:
 
         Numbers that are not finite there are left to the motions, which may never come there.
         """
-        for force in self._forces:
+        for force in self.forces:
             with suppress(NonFiniteError), np.errstate(all="ignore"):
                 checked_tau(force, self._mechanism, q, self._still)
                 checked_energy(force, self._mechanism, q)
 
     def energy(self, q: Array) -> float:
         """Potential energy, J."""
-        return sum(checked_energy(force, self._mechanism, q) for force in self._forces if has_energy(force))
-
-    def derivatives(self, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v, (nv, nv) each."""
-        found = [checked_derivatives(force, self._mechanism, q, v) for force in self._forces]
-        by_q, by_v = zip(*found, strict=True)
-        return sum(by_q, 0.0 * by_q[0]), sum(by_v, 0.0 * by_v[0])
+        return sum(checked_energy(force, self._mechanism, q) for force in self.forces if has_energy(force))

@@ -1,4 +1,4 @@
-"""Point springs all at once: τ(q, v), the power of their dampers and their potential energy."""
+"""Point springs all at once: τ(q, v) and its derivatives, the power of dampers, potential energy."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from ...errors import SimulationError
-from ..constraint.closures import frame_of
-from ..tree.joints import support
+from ..frames import place_of
+from ..tree.columns import Columns
+from ..tree.joints import carrying
+from ..tree.motions import Motions
 from ..tree.tree import Array, Tree
 from ..tree.vectors import cross
 
@@ -27,21 +28,17 @@ class Lines:
 
     def __init__(self, tree: Tree, springs: Sequence[PointSpring]) -> None:
         self._tree = tree
-        ends = [
-            [_frame(tree.model, s.frame1, s) for s in springs],
-            [_frame(tree.model, s.frame2, s) for s in springs],
-        ]
         self._labels = [f"{s.frame1} – {s.frame2}" for s in springs]
-        self._joint = np.array([[int(f.parentJoint) for f in end] for end in ends], dtype=np.int64)
-        self._offset = np.array([[f.placement.translation for f in end] for end in ends])
+        pairs = zip(self._labels, springs, strict=True)
+        ends = [[place_of(tree.model, f, f"PointSpring {n}") for f in (s.frame1, s.frame2)] for n, s in pairs]
+        self._joint = np.array([[joint for joint, _ in pair] for pair in ends], dtype=np.int64).T
+        self._offset = np.array([[place.translation for _, place in pair] for pair in ends]).swapaxes(0, 1)
         self._stiffness = np.array([s.stiffness for s in springs])
         self._rest = np.array([s.rest_length for s in springs])
         self._damping = np.array([s.damping for s in springs])
         self.damped = bool(np.any(self._damping))
-        self._sign = np.zeros((len(springs), tree.nv))
-        for end, sign in ((0, -1.0), (1, 1.0)):
-            for i, joint in enumerate(self._joint[end]):
-                self._sign[i, support(tree.model, int(joint))] += sign
+        ends_carried = [[carrying(tree.model, joint) for joint in end] for end in self._joint.tolist()]
+        self._sign: Array = np.array(ends_carried[1]) - np.array(ends_carried[0])
 
     def _ends(self, q: Array) -> tuple[Array, Array]:
         """Point 1 of each spring and the vector to its point 2, world axes."""
@@ -84,6 +81,38 @@ class Lines:
             power = -float(drag @ speed)
         return start, u, rate, tension, power
 
+    def derivatives_at(self, q: Array, v: Array, G: Array) -> tuple[Array, Array]:
+        """Gᵀ ∂τ/∂q and Gᵀ ∂τ/∂v, (m, nv) each, along the velocities' components.
+
+        A spring pulls with T = k (l − l₀) + c l̇ along ∂l/∂q, so
+        ∂τ/∂q = −∂l/∂q (k ∂l/∂q + c ∂l̇/∂q)ᵀ − T ∂²l/∂q², and ∂²l/∂q² G_i is ∂l̇/∂q at v = G_i.
+        """
+        tree, k, c = self._tree, self._stiffness, self._damping
+        start, apart = self._ends(q)
+        p, J = np.array([start, start + apart]), tree.J.copy()
+        columns = Columns(tree.model, tree.joints)
+        length, speed, along, bend = self._lengths(columns, J, p, v)
+        tension = k * (length - self._rest) + c * speed
+        by_q, by_v = np.empty((2, *G.T.shape))
+        for i, direction in enumerate(G.T):
+            shorter = along @ direction
+            second = self._lengths(columns, J, p, direction)[3]
+            by_q[i] = -shorter @ (k[:, None] * along + c[:, None] * bend) - tension @ second
+            by_v[i] = -(shorter * c) @ along
+        return by_q, by_v
+
+    def _lengths(self, columns: Columns, J: Array, p: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+        """l, l̇ (springs,), ∂l/∂q and ∂l̇/∂q (springs, nv) at the velocity v."""
+        motions, part = Motions(columns, J, v, np.zeros_like(v)), columns.of_joint[self._joint]
+        apart = motions.points(part[1], p[1]) - motions.points(part[0], p[0])
+        length = np.linalg.norm(apart.x, axis=1)
+        size = np.where(length > 0.0, length, 1.0)
+        u = apart.x / size[:, None]
+        turning = (apart.d - u * np.einsum("nx,nx->n", u, apart.d)[:, None]) / size[:, None]
+        along = np.einsum("njx,nx->nj", apart.x_q, u)
+        bend = np.einsum("njx,nx->nj", apart.d_q, u) + np.einsum("njx,nx->nj", apart.x_q, turning)
+        return length, np.einsum("nx,nx->n", u, apart.d), along, bend
+
     def energy(self, q: Array) -> float:
         """Potential energy, J."""
         stretch = np.linalg.norm(self._ends(q)[1], axis=1) - self._rest
@@ -97,7 +126,3 @@ class Lines:
                 "no direction; move one of its frames off the other's path, or give it "
                 "rest_length = 0 and damping = 0"
             )
-
-
-def _frame(model: pin.Model, name: str, spring: PointSpring) -> pin.Frame:
-    return frame_of(model, name, f"PointSpring {spring.frame1} – {spring.frame2}")

@@ -227,13 +227,12 @@ def in_v(joints: Sequence[Joint]) -> list[Component]:
     return [c for c in components_of(joints) if c.iv >= 0]
 
 
-def support(model: pin.Model, joint: int) -> list[int]:
-    """Velocity indices of all joints between the root and this joint, itself included."""
-    return [
-        v
-        for ancestor in list(model.supports[joint])[1:]
-        for v in range(model.idx_vs[ancestor], model.idx_vs[ancestor] + model.nvs[ancestor])
-    ]
+def carrying(model: pin.Model, joint: int) -> Array:
+    """1 for the velocities of all joints between the root and this joint, itself included, else 0, (nv,)."""
+    mask = np.zeros(model.nv)
+    for ancestor in list(model.supports[joint])[1:]:
+        mask[model.idx_vs[ancestor] :][: model.nvs[ancestor]] = 1.0
+    return mask
 
 
 def _joint(model: pin.Model, index: int) -> Joint:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from ...errors import ModelError
 from .columns import with_simple_joints
 from .joints import Array as Array
-from .joints import Joint, in_v, joints_of
+from .joints import Joint, carrying, in_v, joints_of
 from .workspace import workspace
 
 _placements = itertools.count()
@@ -74,6 +74,7 @@ class Tree(threading.local):
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
         self.placed = next(_placements)
+        self._carrying: dict[int, Array] = {}
         self.q: Array = pin.neutral(self.model)
         self.qdot: Array = self.zero
         # with a single velocity Pinocchio hands out a flat vector; its reshaped transpose is still a view
@@ -120,6 +121,20 @@ class Tree(threading.local):
         self.q = q
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
+
+    def lifted(self, joint: int, point: Array, force: Array, moment: Array) -> Array:
+        """τ (nv,) of a force at a point of a joint's body and a moment, in world axes; after `jacobians`.
+
+        J of the body at the world's origin serves any point of it.
+        """
+        (x, y, z), (fx, fy, fz), (mx, my, mz) = point.tolist(), force.tolist(), moment.tolist()
+        about_origin = np.array(
+            (fx, fy, fz, mx + (y * fz - z * fy), my + (z * fx - x * fz), mz + (x * fy - y * fx))
+        )
+        if joint not in self._carrying:
+            self._carrying[joint] = carrying(self.model, joint)
+        tau: Array = self._carrying[joint] * self.J.dot(about_origin)
+        return tau
 
     @cached_property
     def _chain(self) -> tuple[pin.Model, pin.Data] | None:

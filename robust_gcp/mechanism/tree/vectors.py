@@ -25,8 +25,6 @@ def apply(matrices: Array, vectors: Array) -> Array:
 FEW = 16
 """Most products for which `matmul` is the faster."""
 
-CROSS = np.array([skew(e).ravel() for e in np.eye(3)])
-"""ω @ CROSS is the matrix of ω ×, row by row."""
 _NEXT, _LAST = np.array([1, 2, 0]), np.array([2, 0, 1])
 
 
