@@ -7,13 +7,11 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import NDArray
 
-from ..constraint.closures import frame_of
-from ..constraint.couplings import AnyClosure, CouplingClosure
+from ..constraint.couplings import AnyClosure
 from ..loops import ClosedLoops, once_more
-from .loop_graph import LoopGroup, loop_groups
+from .loop_graph import LoopGroup, loop_groups, part_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,23 +85,4 @@ def _by_itself(loops: ClosedLoops, closures: tuple[AnyClosure, ...], group: Loop
     model = loops.own_model
     if group.joints == tuple(range(1, model.njoints)) and len(closures) == len(loops.closures):
         return once_more(loops, ClosedLoops)
-    return ClosedLoops(rooted_model(model, closures, group), closures)
-
-
-def rooted_model(model: pin.Model, closures: Sequence[AnyClosure], group: LoopGroup) -> pin.Model:
-    """The group's joints as a model of their own on a fixed ground, with the closures' frames."""
-    part = pin.Model()
-    part.name = model.name
-    part.gravity = model.gravity
-    index = dict.fromkeys(group.roots, 0)
-    for joint in group.joints:
-        parent = index[model.parents[joint]]
-        placed = part.addJoint(parent, model.joints[joint], model.jointPlacements[joint], model.names[joint])
-        part.appendBodyToJoint(placed, model.inertias[joint], pin.SE3.Identity())
-        index[joint] = int(placed)
-    cut = [c for c in closures if not isinstance(c, CouplingClosure)]
-    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
-        frame = frame_of(model, name, "closure")
-        kind = pin.FrameType.OP_FRAME
-        part.addFrame(pin.Frame(name, index[frame.parentJoint], frame.placement, kind))
-    return part
+    return ClosedLoops(part_of(model, closures, group.joints, group.roots), closures)

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pinocchio as pin
 
-from ..constraint.closures import frame_of
-from ..constraint.couplings import CouplingClosure
 from ..mechanism import Mechanism
 from ..tree.tree import Array
 from .joint_charts import JointCharts, places
+from .loop_graph import part_of
 
 
 class Groups(JointCharts):
@@ -52,7 +50,7 @@ class Groups(JointCharts):
         rest: Mechanism = mechanism.of_loops.once(
             ("rest", *sorted(names)),
             lambda: Mechanism(
-                _held(mechanism, {joint.index for joint in joints}),
+                part_of(mechanism.own_model, mechanism.closures, [joint.index for joint in others]),
                 mechanism.closures,
                 chosen,
                 mechanism.home[self.rest_iq],
@@ -82,25 +80,3 @@ def coordinate_choices(mechanism: Mechanism, q: Array) -> list[tuple[str, ...]]:
         return [names for _, names in mechanism.coordinate_choices(q)]
     kept = [name for name in mechanism.independent if name not in groups.rest.independent]
     return [(*kept, *names) for _, names in groups.rest.coordinate_choices(q[groups.rest_iq])]
-
-
-def _held(mechanism: Mechanism, held: set[int]) -> pin.Model:
-    """The mechanism's model without these joints, which are held in their neutral position."""
-    model, part, still = mechanism.own_model, pin.Model(), pin.SE3.Identity()
-    part.name, part.gravity = model.name, model.gravity
-    carried = [(0, still)]  # by which joint of the part, and where on it
-    for j in range(1, model.njoints):
-        parent, on = carried[model.parents[j]]
-        place = on * model.jointPlacements[j]
-        if j in held:
-            carried.append((parent, place))
-            continue
-        index = int(part.addJoint(parent, model.joints[j], place, model.names[j]))
-        part.appendBodyToJoint(index, model.inertias[j], still)
-        carried.append((index, still))
-    cut = [c for c in mechanism.closures if not isinstance(c, CouplingClosure)]
-    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
-        frame = frame_of(model, name, "closure")
-        parent, on = carried[frame.parentJoint]
-        part.addFrame(pin.Frame(name, parent, on * frame.placement, pin.FrameType.OP_FRAME))
-    return part

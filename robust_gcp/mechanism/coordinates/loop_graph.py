@@ -103,3 +103,39 @@ def _path(model: pin.Model, closure: AnyClosure) -> set[int]:
     ends = (closure.frame1, closure.frame2)
     first, second = (set(model.supports[frame_of(model, name, "closure").parentJoint]) for name in ends)
     return {int(joint) for joint in first ^ second}
+
+
+def part_of(
+    model: pin.Model, closures: Sequence[AnyClosure], joints: Sequence[int], roots: Sequence[int] = (0,)
+) -> pin.Model:
+    """Some joints as a model of their own, with the frames of closures.
+
+    Parameters
+    ----------
+    joints : sequence of int
+        Depth first; all others are held in their neutral position.
+    roots : sequence of int
+        Joints whose bodies are the part's ground.
+    """
+    part, still = pin.Model(), pin.SE3.Identity()
+    part.name, part.gravity = model.name, model.gravity
+    carried = dict.fromkeys(roots, (0, still))
+
+    def at(j: int) -> tuple[int, pin.SE3]:
+        """By which joint of the part a joint's body is carried, and where on it."""
+        if j not in carried:
+            parent, on = at(model.parents[j])
+            carried[j] = parent, on * model.jointPlacements[j]
+        return carried[j]
+
+    for j in joints:
+        parent, on = at(model.parents[j])
+        index = int(part.addJoint(parent, model.joints[j], on * model.jointPlacements[j], model.names[j]))
+        part.appendBodyToJoint(index, model.inertias[j], still)
+        carried[j] = index, still
+    cut = [c for c in closures if not isinstance(c, CouplingClosure)]
+    for name in dict.fromkeys(name for c in cut for name in (c.frame1, c.frame2)):
+        frame = frame_of(model, name, "closure")
+        parent, on = at(frame.parentJoint)
+        part.addFrame(pin.Frame(name, parent, on * frame.placement, pin.FrameType.OP_FRAME))
+    return part
