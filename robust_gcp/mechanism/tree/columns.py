@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from ...errors import ModelError
-from .joints import Array, Joint, JointKind
+from .joints import Array, Joint
 
 
 class Columns:
@@ -50,44 +50,16 @@ class Columns:
         self.slices: list[slice] = []
         for joint in joints:
             last, first = int(self.of_joint[model.parents[joint.index]]), joint.idx_v
-            for size in _sizes(model, joint):
-                own = slice(first, first + size)
+            for simple, _ in _chain(model.joints[joint.index], joint):
+                own = slice(first, first + simple.nv)
                 row = carried[last].copy()
                 row[own] = 1.0
                 self.part[own], self.parent[own] = len(carried), last
-                last, first = len(carried), first + size
+                last, first = len(carried), own.stop
                 carried.append(row)
                 self.slices.append(own)
             self.of_joint[joint.index] = last
         self.carries: Array = np.array(carried)
-
-
-def _sizes(model: pin.Model, joint: Joint) -> list[int]:
-    """How many columns each part of a joint has."""
-    if joint.kind is JointKind.ELLIPSOID:
-        raise ModelError(
-            f"joint {joint.name!r} ({joint.type}): the motion of an ellipsoid joint is no chain of revolute "
-            "and prismatic joints, and it has no derivatives here; replace it by such a chain"
-        )
-    if joint.kind is JointKind.COMPOSITE:
-        return _parts(model.joints[joint.index])
-    return [joint.nv] if joint.constant_subspace else [1] * joint.nv
-
-
-def _parts(joint: pin.JointModel) -> list[int]:
-    """The sizes of a composite joint's parts; ones of a universal joint or one by Euler angles among them."""
-    found = []
-    for inner in joint.extract().joints:
-        kind = inner.shortname().removeprefix("JointModel")
-        if kind == "Composite":
-            found += _parts(inner)
-        elif kind in ("Universal", "SphericalZYX"):
-            found += [1] * inner.nv
-        elif kind == "Ellipsoid":
-            raise ModelError("an ellipsoid joint inside a composite one has no derivatives here")
-        else:
-            found.append(inner.nv)
-    return found
 
 
 def with_simple_joints(model: pin.Model, joints: tuple[Joint, ...]) -> pin.Model:
@@ -102,13 +74,12 @@ def with_simple_joints(model: pin.Model, joints: tuple[Joint, ...]) -> pin.Model
     """
     if all(joint.constant_subspace for joint in joints):
         return model
-    Columns(model, joints)  # refuses joints that are no chains
     part, still = pin.Model(), pin.SE3.Identity()
     part.name, part.gravity = model.name, model.gravity
     at = [0]  # the joint of the new model that each old one's body is fixed to
     for joint in joints:
         last, place = at[model.parents[joint.index]], model.jointPlacements[joint.index]
-        for number, (kind, offset) in enumerate(_chain(model.joints[joint.index])):
+        for number, (kind, offset) in enumerate(_chain(model.joints[joint.index], joint)):
             last = int(part.addJoint(last, kind, place * offset, f"{joint.name}/{number}"))
             place = still
         part.appendBodyToJoint(last, model.inertias[joint.index], still)
@@ -117,19 +88,24 @@ def with_simple_joints(model: pin.Model, joints: tuple[Joint, ...]) -> pin.Model
     return part
 
 
-def _chain(joint: pin.JointModel) -> list[tuple[object, pin.SE3]]:
-    """Simple joints, and where each sits on the one before, that make the same motion."""
-    still, kind = pin.SE3.Identity(), joint.shortname().removeprefix("JointModel")
-    if kind == "SphericalZYX":
+def _chain(kind: pin.JointModel, joint: Joint) -> list[tuple[pin.JointModel, pin.SE3]]:
+    """Simple joints, and where each sits on the one before, that move as a joint or a part of it does."""
+    still, name = pin.SE3.Identity(), kind.shortname().removeprefix("JointModel")
+    if name == "SphericalZYX":
         return [(pin.JointModelRZ(), still), (pin.JointModelRY(), still), (pin.JointModelRX(), still)]
-    if kind == "Universal":
-        own = joint.extract()
+    if name == "Universal":
+        own = kind.extract()
         return [(pin.JointModelRevoluteUnaligned(a), still) for a in (own.axis1, own.axis2)]
-    if kind == "Composite":
-        own = joint.extract()
+    if name == "Composite":
+        own = kind.extract()
         made = []
         for inner, place in zip(own.joints, own.jointPlacements, strict=True):
-            chain = _chain(inner)
+            chain = _chain(inner, joint)
             made += [(chain[0][0], place * chain[0][1]), *chain[1:]]
         return made
-    return [(joint, still)]
+    if name == "Ellipsoid":
+        raise ModelError(
+            f"joint {joint.name!r} ({joint.type}): the motion of an ellipsoid joint is no chain of revolute "
+            "and prismatic joints, and it has no derivatives here; replace it by such a chain"
+        )
+    return [(kind, still)]
