@@ -7,11 +7,10 @@ import threading
 import numpy as np
 import pinocchio as pin
 
-from ..errors import ModelError
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.columns import with_simple_joints
 from ..mechanism.tree.tree import Array
-from ..mechanism.tree.workspace import memory_left, whole_bytes
+from ..mechanism.tree.workspace import whole_workspace
 
 
 class RigidDerivatives(threading.local):
@@ -32,13 +31,7 @@ class RigidDerivatives(threading.local):
 
     def __init__(self, mechanism: Mechanism) -> None:
         self._model = with_simple_joints(mechanism.near, mechanism.joints)
-        needed = whole_bytes(self._model)
-        if needed > memory_left():
-            raise ModelError(
-                f"derivatives: the model's {self._model.nv} velocities need a workspace of "
-                f"{needed / 1e9:.3g} GB, more than is left; split the model into its independent parts"
-            )
-        self._data = self._model.createData()
+        self._data = whole_workspace(self._model)
 
     def derivatives_at(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array]:
         """∂RNEA/∂q, ∂RNEA/∂v and M at (q, v, a), (nv, nv) each; q along the velocities' components."""

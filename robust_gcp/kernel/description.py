@@ -72,9 +72,9 @@ def describe_all(mechanism: Mechanism) -> Arrays:
 def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tuple[int, ...]) -> Arrays:
     if mechanism.m == 0:
         raise NotNativeError("the mechanism has no degree of freedom")
-    if mechanism.m > 1 and workspace_bytes(mechanism.own_model) > memory_left():
-        needed = workspace_bytes(mechanism.own_model) / 1e9
-        raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed:.3g} GB")
+    needed = workspace_bytes(mechanism.nv, mechanism.own_model.njoints)
+    if mechanism.m > 1 and needed > memory_left():
+        raise NotNativeError(f"the mechanism has {mechanism.nv} velocities, which take {needed / 1e9:.3g} GB")
     description = Description(
         joints=mechanism.own_model.njoints - 1, nq=mechanism.nq, nv=mechanism.nv, m=mechanism.m, works=works
     )

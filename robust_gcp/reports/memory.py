@@ -57,7 +57,8 @@ def rows(sizes: Sequence[int] = SIZES) -> list[list[str]]:
         done = subprocess.run(words, capture_output=True, text=True, check=True)
         taken, seconds = map(float, done.stdout.split())
         model = hinges(count)
-        sizes_mb = workspace_bytes(model) / 1e6, taken, whole_bytes(model) / 1e6
+        size = model.nv, model.njoints
+        sizes_mb = workspace_bytes(*size) / 1e6, taken, whole_bytes(*size) / 1e6
         found.append([str(count), *(f"{size:.3g}" for size in sizes_mb), f"{seconds:.2g}"])
     return found
 

@@ -14,6 +14,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.rnea_derivatives import RigidDerivatives
 from robust_gcp.examples import linkages
 from robust_gcp.mechanism.tree import workspace as memory
 from robust_gcp.mechanism.tree.tree import Tree
@@ -56,7 +57,7 @@ def test_a_lean_workspace_gives_what_a_whole_one_gives(
     monkeypatch.setattr(memory, "LEAN_FROM", 0)
     model = mechanisms[name].model.copy()
     model.armature = np.linspace(0.0, 1.0, model.nv)
-    if not memory.is_lean(model):
+    if not memory.is_lean(model.nv):
         pytest.skip("this version of Pinocchio was not looked through")
     whole, lean = pin.Data(model), memory.workspace(model)
     rng = np.random.default_rng(3)
@@ -77,7 +78,7 @@ def test_a_lean_workspace_gives_what_a_whole_one_gives(
 def test_a_large_row_runs_as_a_small_one_does(monkeypatch: pytest.MonkeyPatch, side_by_side: bool) -> None:
     """130 hinges, lean; and the same with the whole workspace."""
     mechanism = rg.Mechanism.from_pinocchio(row(130, side_by_side))
-    assert memory.is_lean(mechanism.model)
+    assert memory.is_lean(mechanism.nv)
     lean = rg.simulate(mechanism, duration=3e-3, step=1e-3, backend="python")
     monkeypatch.setattr(memory, "LEAN_FROM", 10**9)
     whole = rg.simulate(
@@ -103,8 +104,8 @@ def test_a_workspace_takes_what_is_said(monkeypatch: pytest.MonkeyPatch, lean: b
     taken = resident() - before
     assert data.nvSubtree[1] == 1
     # what the allocator had free already is not seen
-    assert taken < 1.25 * memory.workspace_bytes(model) + 2e6
-    assert taken > 0.5 * memory.workspace_bytes(model) - 5e6
+    assert taken < 1.25 * memory.workspace_bytes(model.nv, model.njoints) + 2e6
+    assert taken > 0.5 * memory.workspace_bytes(model.nv, model.njoints) - 5e6
 
 
 def test_the_kernel_takes_no_more(tmp_path: Path) -> None:
@@ -112,7 +113,7 @@ def test_the_kernel_takes_no_more(tmp_path: Path) -> None:
     if not rg.backends()["native"].available:
         pytest.skip("the compiled kernel is not built")
     mechanism = rg.Mechanism.from_pinocchio(row(300, True))
-    if not memory.is_lean(mechanism.model):
+    if not memory.is_lean(mechanism.nv):
         pytest.skip("this version of Pinocchio was not looked through")
     script = (
         f"import resource, sys; sys.path[:0] = [{str(Path(__file__).parent)!r}]; import robust_gcp as rg\n"
@@ -140,9 +141,17 @@ def test_what_does_not_fit_is_refused_with_its_size(monkeypatch: pytest.MonkeyPa
 
 
 def test_the_size_of_a_whole_workspace_grows_with_the_third_power() -> None:
-    small, large = row(50, True), row(100, True)
-    assert 5.0 < memory.whole_bytes(large) / memory.whole_bytes(small) < 8.0
-    assert memory.whole_bytes(large) > 32 * 100**3
+    small, large = memory.whole_bytes(50, 51), memory.whole_bytes(100, 101)
+    assert 5.0 < large / small < 8.0
+    assert large > 32 * 100**3
+
+
+def test_derivatives_that_do_not_fit_are_refused_with_their_size(monkeypatch: pytest.MonkeyPatch) -> None:
+    """They need a whole workspace where motions are served by a lean one."""
+    mechanism = rg.Mechanism.from_pinocchio(row(40, True))
+    monkeypatch.setattr(memory, "memory_left", lambda: 1e6)
+    with pytest.raises(rg.ModelError, match=r"40 velocities need .* of 0\.0\d+ GB.*0\.001 GB are left"):
+        RigidDerivatives(mechanism)
 
 
 def test_a_file_that_does_not_fit_is_refused_unread(monkeypatch: pytest.MonkeyPatch) -> None:

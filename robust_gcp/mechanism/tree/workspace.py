@@ -31,33 +31,28 @@ def workspace(model: pin.Model) -> pin.Data:
         Where it does not fit into the memory that is left, with how much it needs.
     """
     require_memory(int(model.nv), int(model.njoints))
-    return _lean(model) if is_lean(model) else pin.Data(model)
+    return _lean(model) if is_lean(int(model.nv)) else pin.Data(model)
 
 
-def is_lean(model: pin.Model) -> bool:
-    """Whether the workspace leaves out what nothing here uses."""
-    return _leaves_out(int(model.nv))
+def whole_workspace(model: pin.Model) -> pin.Data:
+    """The same for all of Pinocchio's algorithms."""
+    nv, joints = int(model.nv), int(model.njoints)
+    _require_left(whole_bytes(nv, joints), nv)
+    return model.createData()
 
 
-def _leaves_out(nv: int) -> bool:
+def is_lean(nv: int) -> bool:
+    """Whether the workspace of a model with so many velocities leaves out what nothing here uses."""
     return nv >= LEAN_FROM and pin.__version__.startswith(LEAN_VERSIONS)
 
 
-def workspace_bytes(model: pin.Model) -> int:
+def workspace_bytes(nv: int, joints: int) -> int:
     """What a workspace takes, measured to a few per cent: 32 nv³ bytes where it is a whole `pin.Data`."""
-    return _bytes(int(model.nv), int(model.njoints))
+    return 8 * (2 * nv * nv + 6 * nv * joints) + BODY * joints if is_lean(nv) else whole_bytes(nv, joints)
 
 
-def whole_bytes(model: pin.Model) -> int:
+def whole_bytes(nv: int, joints: int) -> int:
     """What a whole `pin.Data` takes."""
-    return _whole(int(model.nv), int(model.njoints))
-
-
-def _bytes(nv: int, joints: int) -> int:
-    return 8 * (2 * nv * nv + 6 * nv * joints) + BODY * joints if _leaves_out(nv) else _whole(nv, joints)
-
-
-def _whole(nv: int, joints: int) -> int:
     return 8 * (4 * nv**3 + 18 * nv * nv + 22 * nv * joints) + BODY * joints
 
 
@@ -66,7 +61,11 @@ def require_memory(nv: int, joints: int) -> None:
 
     A reader asks before it makes the model, which takes a minute for 20,000 joints.
     """
-    needed, left = _bytes(nv, joints), memory_left()
+    _require_left(workspace_bytes(nv, joints), nv)
+
+
+def _require_left(needed: int, nv: int) -> None:
+    left = memory_left()
     if needed > left:
         raise ModelError(
             f"the model's {nv} velocities need a workspace of {needed / 1e9:.3g} GB in each thread "
