@@ -19,7 +19,6 @@ from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import BENDING, CLOSED
 from ..mechanism.tree.tree import Array
 from .local import LocalAnalysis, analyse
-from .second_order import full_svd
 from .singular_points import located
 from .torus import Torus
 from .touching_modes import touching_at
@@ -96,12 +95,12 @@ class Continuation:
 
     def conditioning(self, q: Array) -> float:
         """σ_r/σ_1 of the scaled K with r = nv − 1: 0 at a singular point."""
-        s = full_svd(self.mechanism.scaled(self.mechanism.K(q)))[1]
+        s = np.linalg.svd(self.mechanism.scaled(self.mechanism.K(q)))[1]
         return float(s[self.rank - 1] / s[0])
 
     def tangent(self, q: Array, like: Array) -> Array:
         """Unit vector of ker K that points as `like` does, dimensionless; for regular q."""
-        t = full_svd(self.mechanism.scaled(self.mechanism.K(q)))[2][self.rank]
+        t = np.linalg.svd(self.mechanism.scaled(self.mechanism.K(q)))[2][self.rank]
         return t if t @ like >= 0.0 else -t
 
     def directions(self, picture: LocalAnalysis) -> list[Array]:
@@ -122,7 +121,7 @@ class Continuation:
             When even the smallest step leaves it.
         """
         K = self.mechanism.scaled(self.mechanism.K(q))
-        frame = full_svd(K)
+        frame = np.linalg.svd(K)
         rows = frame[0][:, : self.rank].T
         side = np.linalg.det(np.vstack([rows @ K, t]))
         bend = self._bend(q, t, frame)

@@ -17,7 +17,7 @@ from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree.tree import Array
-from .second_order import bending, bending_along, curvature, full_svd, orthonormal, second_order_forms
+from .second_order import bending, bending_along, curvature, second_order_forms
 from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
 from .touching_modes import contact_at
 
@@ -134,16 +134,16 @@ def analyse(mechanism: ClosedLoops, q: ArrayLike, rank_tolerance: float = RANK) 
 def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) -> LocalAnalysis:
     """The picture that rank and second-order forms give."""
     K = mechanism.scaled(mechanism.K(q))
-    U, s, Vt = full_svd(K)
+    U, s, Vt = np.linalg.svd(K)
     rank = numerical_rank(s, rank_tolerance)
     scaled_kernel = Vt[rank:].T
-    kernel = orthonormal(mechanism.column_scale[:, None] * scaled_kernel)
+    kernel = np.linalg.qr(mechanism.column_scale[:, None] * scaled_kernel)[0]
     left = U[:, rank:]
 
     def answer(
         kind: Kind, generic: int, modes: tuple[Array, ...], message: str, forms: tuple[Array, ...] = ()
     ) -> LocalAnalysis:
-        unscaled_left = orthonormal(left / mechanism.row_scale[:, None])
+        unscaled_left = np.linalg.qr(left / mechanism.row_scale[:, None])[0]
         return LocalAnalysis(q, kind, rank, generic, s, kernel, unscaled_left, forms, modes, message)
 
     if rank == len(K) or kernel.shape[1] == 0:
@@ -293,7 +293,7 @@ def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...]
 def _direction(basis: Array) -> Array:
     """A mode's tangent as reported: a normalised direction for one column, else an orthonormal basis."""
     if basis.shape[1] != 1:
-        return orthonormal(basis)
+        return np.asarray(np.linalg.qr(basis)[0])
     t = basis[:, 0] / np.abs(basis[:, 0]).max()
     t[np.abs(t) < 1e-12] = 0.0
     first = t[np.flatnonzero(t)[0]]

@@ -61,19 +61,3 @@ def bending_along(
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     seen = left.T @ np.array([second_derivative(mechanism, q, way) for way in ways]).T
     return int(np.sum(np.linalg.svd(seen, compute_uv=False) > size))
-
-
-def full_svd(K: Array) -> tuple[Array, Array, Array]:
-    """Full SVD that also serves a K without rows."""
-    if K.shape[0] == 0:
-        return np.zeros((0, 0)), np.zeros(0), np.eye(K.shape[1])
-    U, s, Vt = np.linalg.svd(K)
-    return U, s, Vt
-
-
-def orthonormal(basis: Array) -> Array:
-    """Orthonormal columns with the same span."""
-    if basis.shape[1] == 0:
-        return basis
-    Q, _ = np.linalg.qr(basis)
-    return np.asarray(Q, dtype=float)

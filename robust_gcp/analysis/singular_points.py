@@ -7,7 +7,7 @@ import numpy as np
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import LOCATING
 from ..mechanism.tree.tree import Array
-from .second_order import full_svd, second_order_forms
+from .second_order import second_order_forms
 
 LOCATED = 1e-11
 """Residual of φ = 0, Kᵀ U = 0 at which a singular configuration is located."""
@@ -26,7 +26,7 @@ def located(loops: ClosedLoops, q: Array, rank: int, corank: int) -> Array | Non
     Gauss–Newton on φ = 0, Kᵀ U = 0, Uᵀ U = 1 for q and the left null vectors U. At corank 1 its Jacobian has
     full column rank where the second-order form Q_u is regular on ker K.
     """
-    left = full_svd(loops.scaled(loops.K(q)))[0]
+    left = np.linalg.svd(loops.scaled(loops.K(q)))[0]
     rows = left[:, :rank].T  # what the closures hold here; redundant rows stay out
     us = np.eye(rank)[:, rank - corank :]
     here, scale = q, loops.column_scale

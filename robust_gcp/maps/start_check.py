@@ -7,7 +7,8 @@ from numpy.typing import ArrayLike
 
 from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
-from ..mechanism.coordinates.independent import motions, regular_near
+from ..mechanism.constraint.rank import motions
+from ..mechanism.coordinates.independent import regular_near
 from ..mechanism.coordinates.partition import numerical_rank, spelled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED, RANK, SAME_MODE

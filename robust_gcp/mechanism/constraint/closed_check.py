@@ -24,13 +24,7 @@ def require_closed(loops: ClosedLoops, q: Array, tolerance: float, what: str) ->
     unit = "m" if loops.implicit.is_length[worst] else "rad"
     loop = loops.implicit.labels[worst]
     raise ClosureError(
-        f"{what}: the loop {loop} is open by {residual:.3g} {unit}; "
-        + (
-            "no configuration near the guess closes it with the held joints: try another "
-            "guess, hold fewer joints, or check the link lengths"
-            if what == "assemble"
-            else "close it first with mech.assemble(q)"
-        ),
+        f"{what}: the loop {loop} is open by {residual:.3g} {unit}; close it first with mech.assemble(q)",
         residual,
         loop,
     )

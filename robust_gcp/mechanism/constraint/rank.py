@@ -6,11 +6,24 @@ import numpy as np
 
 from ..coordinates.partition import numerical_rank
 from ..loops import ClosedLoops
-from ..tolerances import CLOSED, RANK, RANK_NEARBY
+from ..tolerances import CLOSED, RANK, RANK_NEARBY, STRUCTURAL
 from ..tree.tree import Array
 
 NEARBY = 1e-2
 """How far, in dimensionless velocity units, the rank is looked up along a direction."""
+
+
+def singular_values(loops: ClosedLoops, q: Array) -> Array:
+    """Of the dimensionless K at q, descending."""
+    s: Array = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)
+    return s
+
+
+def motions(loops: ClosedLoops, q: Array) -> Array:
+    """Orthonormal basis of the instantaneous motions at q, (nv, differential mobility), dimensionless."""
+    _, s, Vt = np.linalg.svd(loops.scaled(loops.K(q)))
+    basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
+    return basis
 
 
 def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
@@ -23,7 +36,10 @@ def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
 def rank_along(loops: ClosedLoops, q: Array, kernel: Array) -> int:
     """Largest rank of K a little way along the columns of `kernel` (nv, δ), back on the constraint."""
     found = [beside(loops, q, direction) for direction in kernel.T]
-    return max((_rank(loops, near, RANK_NEARBY) for near in found if near is not None), default=0)
+    return max(
+        (numerical_rank(singular_values(loops, near), RANK_NEARBY) for near in found if near is not None),
+        default=0,
+    )
 
 
 def singular_words(loops: ClosedLoops, q: Array) -> str:
@@ -43,11 +59,7 @@ def singular_words(loops: ClosedLoops, q: Array) -> str:
         moved = loops.tree.difference(q, near) / loops.column_scale
         if moved @ direction < 0.5 * NEARBY * float(direction @ direction) / np.abs(direction).max():
             return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
-        there = _rank(loops, near, RANK_NEARBY)
+        there = numerical_rank(singular_values(loops, near), RANK_NEARBY)
         if there != rank:
             return f"rank {rank} against {there} nearby"
     return ""
-
-
-def _rank(loops: ClosedLoops, q: Array, tolerance: float) -> int:
-    return numerical_rank(np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False), tolerance)

@@ -14,7 +14,6 @@ from dataclasses import replace
 import numpy as np
 import scipy
 
-from ..coordinates.independent import motions
 from ..coordinates.loop_graph import loop_groups
 from ..coordinates.partition import numerical_rank
 from ..loops import ClosedLoops
@@ -23,6 +22,7 @@ from ..tree.tree import Array
 from .closures import Closure
 from .couplings import AnyClosure, CouplingClosure
 from .partial_closure import PartialClosure
+from .rank import motions, singular_values
 from .rows import rows_of
 
 IMPLIED = "rows of loops that others imply up to rounding"
@@ -49,25 +49,46 @@ def without_unmoved_rows(loops: ClosedLoops) -> tuple[ClosedLoops, list[str]]:
     Such are those of a planar loop out of its plane. They are judged with the loops open, so that a singular
     pose is no matter. A combination u of rows that keeps u · φ above `ROUNDED` cannot be closed, and stays.
     """
-    generic = loops.generic_configurations()
-    told: list[str] = []
-    closures = list(loops.closures)
-    grey = bool(loops.implicit.vanishing) or any(
-        _is_grey(np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)) for q in generic
-    )
+    return _without(loops, loops.generic_configurations(), CLOSED)
+
+
+def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[ClosedLoops, list[str]]:
+    """The loops without rows that depend on the others up to rounding, and in words which have lost some.
+
+    Couplings among the closures of a loop leave it as it is.
+
+    Parameters
+    ----------
+    loops : ClosedLoops
+    home : ndarray (nq,)
+        Closed, up to that rounding.
+    """
+    return _without(loops, [home], STRUCTURAL, home)
+
+
+def _without(
+    loops: ClosedLoops, places: Sequence[Array], exact: float, home: Array | None = None
+) -> tuple[ClosedLoops, list[str]]:
+    """Leave out rows that are rounding at these places, group by group; at `home` only what persists."""
+    closures, told = list(loops.closures), list[str]()
+    grey = bool(loops.implicit.vanishing) or any(_is_grey(singular_values(loops, q)) for q in places)
     for group in loop_groups(loops.own_model, loops.closures) if grey else ():
         inside = [i for i in group.closures if isinstance(closures[i], Closure)]
         members = [closures[i] for i in inside]
         # whoever names rows of a closure means these: nothing more is left out of it
         if not members or any(isinstance(c, PartialClosure) for c in members):
             continue
+        if home is not None and len(inside) < len(group.closures):
+            continue
         velocities = [i for j in group.joints for i in range(*loops.joints[j - 1].v.indices(loops.nv))]
-        left = _selected(loops, members, velocities, generic, CLOSED)
+        left = _selected(loops, members, velocities, places, exact)
         if left is None:
             continue
-        for i, closure in zip(inside, left[0], strict=True):
-            closures[i] = closure
-        told.append(_told(left))
+        parts = dict(zip(inside, left[0], strict=True))
+        kept = [parts.get(i, closure) for i, closure in enumerate(closures)]
+        if home is None or _persists(loops, kept, home, velocities):
+            closures = kept
+            told.append(_told(left))
     return _closed_by(loops, closures), told
 
 
@@ -87,36 +108,6 @@ def _told(left: tuple[list[PartialClosure], float]) -> str:
                 f"{closure.frame1} – {closure.frame2} ({len(whole) - len(kept)} of {len(whole)} rows)"
             )
     return f"{', '.join(lost)}: {left[1]:.1e}"
-
-
-def without_rounded_rows(loops: ClosedLoops, home: Array) -> tuple[ClosedLoops, list[str]]:
-    """The loops without rows that depend on the others up to rounding, and in words which have lost some.
-
-    Parameters
-    ----------
-    loops : ClosedLoops
-    home : ndarray (nq,)
-        Closed, up to that rounding.
-    """
-    closures, told = list(loops.closures), []
-    grey = bool(loops.implicit.vanishing) or _is_grey(
-        np.linalg.svd(loops.scaled(loops.K(home)), compute_uv=False)
-    )
-    for group in loop_groups(loops.own_model, loops.closures) if grey else ():
-        members = [closures[i] for i in group.closures]
-        if any(isinstance(c, CouplingClosure | PartialClosure) for c in members):
-            continue
-        velocities = [i for j in group.joints for i in range(*loops.joints[j - 1].v.indices(loops.nv))]
-        left = _selected(loops, members, velocities, [home], STRUCTURAL)
-        if left is None:
-            continue
-        others = [c for i, c in enumerate(closures) if i not in group.closures]
-        if not _persists(loops, [*left[0], *others], home, velocities):
-            continue
-        for i, closure in zip(group.closures, left[0], strict=True):
-            closures[i] = closure
-        told.append(_told(left))
-    return _closed_by(loops, closures), told
 
 
 def _closed_by(loops: ClosedLoops, closures: Sequence[AnyClosure]) -> ClosedLoops:

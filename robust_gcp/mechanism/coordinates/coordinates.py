@@ -10,13 +10,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import checked_vector, require_finite
 from ...errors import ModelError, PartitionError, StateError
+from ..constraint.rank import motions
 from ..loops import ClosedLoops
 from ..many_states import at_each
-from ..tolerances import COMPATIBLE, RANK, STRUCTURAL
+from ..tolerances import COMPATIBLE, RANK
 from ..tree.joints import Joint, in_v
 from ..tree.tree import Array
 from .clusters import LoopCluster, loop_clusters
-from .partition import independent_rows, numerical_rank, ranked_choices
+from .partition import independent_rows, ranked_choices
 
 COMPONENT = 0.1
 """Weight of one component of a spherical joint beside that of a revolute one, where both would serve."""
@@ -73,9 +74,7 @@ class Coordinates(ClosedLoops):
 
         Each with σ_min of its rows of an orthonormal kernel basis, in (0, 1].
         """
-        K = self.scaled(self.K(q))
-        _, s, Vt = np.linalg.svd(K)
-        kernel = Vt[numerical_rank(s, STRUCTURAL) :].T
+        kernel = motions(self, self.configuration(q))
         single = [joint for joint in self.joints if joint.single]
         indices = np.array([joint.idx_v for joint in single], dtype=np.int64)
         found = ranked_choices(kernel, indices, [joint.name for joint in single])

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from ...errors import ClosureError, PartitionError
 from ..assembly.assembly import assembled, free_velocities
 from ..assembly.ranges import assembled_within
-from ..constraint.rank import singular_words
+from ..constraint.rank import motions, singular_values, singular_words
 from ..loops import ClosedLoops
 from ..tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from ..tree.joints import in_v
@@ -53,9 +53,7 @@ def best_at_home(loops: Coordinates, home: Array, name: str) -> tuple[Array, tup
     choices = loops.coordinate_choices(place)
     if not choices:
         single = [joint.name for joint in loops.joints if joint.single]
-        freedom = loops.nv - numerical_rank(
-            np.linalg.svd(loops.scaled(loops.K(place)), compute_uv=False), RANK
-        )
+        freedom = loops.nv - numerical_rank(singular_values(loops, place), RANK)
         if freedom == 0:
             raise PartitionError(
                 "independent = 'auto': the mechanism is rigid, its loops leave no joint any freedom; check "
@@ -69,16 +67,6 @@ def best_at_home(loops: Coordinates, home: Array, name: str) -> tuple[Array, tup
     quality, names = choices[0]
     log.info("%s: independent joints %s (conditioning %.2g)", name, ", ".join(names), quality)
     return home, names
-
-
-def motions(loops: ClosedLoops, q: Array) -> Array:
-    """Orthonormal basis of the instantaneous motions at q, (nv, differential mobility), dimensionless."""
-    K = loops.scaled(loops.K(q))
-    if not len(K):
-        return np.eye(loops.nv)
-    _, s, Vt = np.linalg.svd(K)
-    basis: Array = Vt[numerical_rank(s, STRUCTURAL) :].T
-    return basis
 
 
 def completed(
@@ -165,7 +153,7 @@ def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0) -> Array:
 
 def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
     """nv − rank K at q, and the least of its singular values that count over the largest."""
-    s = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)
+    s = singular_values(loops, q)
     rank = numerical_rank(s, STRUCTURAL)
     return loops.nv - rank, float(s[rank - 1] / s[0]) if rank else 1.0
 

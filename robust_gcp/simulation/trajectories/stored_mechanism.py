@@ -12,7 +12,11 @@ import pinocchio as pin
 
 from ...checks import shown
 from ...errors import OptionError
-from ...mechanism.actuation.kinds import PARTS
+from ...mechanism.actuation.actuators import Actuator
+from ...mechanism.actuation.muscle import Muscle
+from ...mechanism.actuation.paths import FixedTendon, TurningJoint
+from ...mechanism.actuation.site_paths import SiteForce, SliderCrank
+from ...mechanism.actuation.spatial_tendon import Pulley, SpatialTendon, Wrap
 from ...mechanism.assembly.keyframes import Keyframe, Keyframes
 from ...mechanism.constraint.closures import closure_kinds
 from ...mechanism.constraint.couplings import CouplingClosure
@@ -50,7 +54,9 @@ def mechanism_as_plain(mechanism: Mechanism) -> dict[str, Any]:
 
 def _parts() -> dict[str, type[Any]]:
     """What an archive may hold besides numbers: closures, forces, stops by the names of their classes."""
-    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *STORED, *PARTS, Stop, JointFriction, Lock]
+    paths = FixedTendon, TurningJoint, SiteForce, SliderCrank, SpatialTendon, Pulley, Wrap
+    kinds: list[type[Any]] = [*closure_kinds(), CouplingClosure, *STORED, Stop, JointFriction, Lock]
+    kinds += [*paths, Actuator, Muscle]
     return {kind.__name__: kind for kind in kinds}
 
 
