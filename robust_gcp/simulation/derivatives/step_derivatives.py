@@ -15,11 +15,11 @@ from numpy.typing import ArrayLike
 from ...checks import require_finite
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.discrete import differentiated_step
-from ...dynamics.modes.mode_rates import SPARED, UNSTEADY
+from ...dynamics.modes.mode_rates import SPARED, UNSTEADY, ZONE
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import SimulationError
 from ...kernel.derivatives.derivations import derivation, left_to_python
-from ...kernel.derivatives.step_derivatives import SAME, Derivation
+from ...kernel.derivatives.step_derivatives import SAME
 from ...maps.choice import MapChoice
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -98,20 +98,34 @@ def step_by_kernel(
     acting: Acting,
     h: float,
     end: tuple[Array, Array] | None,
+    count: int = 1,
+    same: float | None = None,
+    zone: float = ZONE,
+    steady: float = 0.0,
 ) -> Moved | None:
-    """The step by the kernel in a mechanism's own coordinates; None where it does not take it."""
-    kernel = _kernel_of(mechanism, state, mode, acting)
+    """The step in equal parts by the kernel in a mechanism's own coordinates; None where it takes them not.
+
+    `same`, `zone` and `steady` are those of `Derivation.take`.
+    """
+    more = acting.by_more is not None or acting.held is not None
+    given = mode is not None or callable(acting.torque) or more
+    kernel = None if given else derivation(mechanism, state[0])
     if kernel is None:
         return None
-    tau = None if acting.torque is None else np.asarray(acting.torque, dtype=float)[None]
-    q, v = (np.array(parts) for parts in zip(state, state if end is None else end, strict=True))
-    taken = kernel.take(np.array([0.0, h]), q, v, tau, np.inf if end is None else SAME)
+    q, v = (np.full((count + 1, len(part)), np.nan) for part in state)
+    q[0], v[0] = state
+    if end is not None:
+        q[-1], v[-1] = end
+    tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, dtype=float), (count, 1))
+    if same is None:
+        same = np.inf if end is None else SAME
+    taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, same, zone, steady=steady)
     if not taken.good.all():
         return None
-    A, B, *_ = kernel.pull(0, 1, np.eye(2 * kernel.m))
-    first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, 1))
-    ends = end or (taken.q[1], taken.v[1])
-    return Moved(A, B[0], np.zeros((len(A), 0)), mechanism, mechanism, first, last, *ends)
+    A, B, *_ = kernel.pull(0, count, np.eye(2 * kernel.m))
+    first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
+    none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
+    return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
 
 
 def parts_by_kernel(
@@ -122,28 +136,18 @@ def parts_by_kernel(
     h: float,
     end: tuple[Array, Array] | None,
 ) -> Moved | None:
-    """Ever more equal parts by the kernel, until they agree; None where it does not take them.
+    """Ever more parts of a step as `step_by_kernel` has it, until they agree; None where they do not.
 
     What each and twice as many lead to, without the error that they differ by (Richardson).
     """
-    kernel = _kernel_of(mechanism, state, mode, acting)
-    if kernel is None:
-        return None
     before: Moved | None = None
     best: Array | None = None
     for count in (6 << k for k in range(MOST_DOUBLINGS)):
-        q, v = (np.full((count + 1, len(part)), np.nan) for part in state)
-        q[0], v[0] = state
-        if end is not None:
-            q[-1], v[-1] = end
-        tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, float), (count, 1))
-        taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, SAME, SPARED, steady=UNSTEADY)
-        if not taken.good.all():
+        now = step_by_kernel(
+            mechanism, state, mode, acting, h, end, count, same=SAME, zone=SPARED, steady=UNSTEADY
+        )
+        if now is None:
             continue
-        A, B, *_ = kernel.pull(0, count, np.eye(2 * kernel.m))
-        first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
-        none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
-        now = Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
         if before is not None:
             found = _extrapolated(before, now)
             if best is not None and np.abs(found.A - best).max() < AGREE * np.abs(best).max():
@@ -163,16 +167,6 @@ def _extrapolated(whole: Moved, halves: Moved) -> Moved:
     q = tree.integrate(halves.q, tree.difference(whole.q, halves.q) / 15.0)
     A, B = beyond(whole.A, halves.A), beyond(whole.B, halves.B)
     return replace(halves, A=A, B=B, q=q, v=beyond(whole.v, halves.v))
-
-
-def _kernel_of(
-    mechanism: Mechanism, state: tuple[Array, Array], mode: ArrayLike | None, acting: Acting
-) -> Derivation | None:
-    """What takes steps of it compiled; None where nothing does."""
-    more = acting.by_more is not None or acting.held is not None
-    if mode is not None or callable(acting.torque) or more:
-        return None
-    return derivation(mechanism, state[0])
 
 
 def _why(acting: Acting) -> str | None:
