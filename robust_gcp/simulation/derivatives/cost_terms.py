@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,18 +50,21 @@ class Term:
         self, name: str, function: Callable[..., Any] | None, slopes: Callable[..., Any] | None
     ) -> None:
         self.function, self.slopes = function, slopes
-        self._asked, words, self._parts = slice(4), "t, q, v, tau", 3  # of (t, q, v, τ)
-        if name == "terminal":
-            self._asked, words, self._parts = slice(1, 3), "q, v", 2
+        words, self._parts = ("q, v", 2) if name == "terminal" else ("t, q, v, tau", 3)
         self._labels = f"Cost: {name}({words})", f"Cost: {name}_slopes({words})"
 
     def at(self, mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tuple[float, Slopes]:
         """The term at one state, and its slopes by q, v and τ; zero where there is none."""
         if self.function is None:
             return 0.0, (mechanism.tree.zero,) * 3
-        every, still = np.eye(mechanism.nv)[None], np.zeros((1, mechanism.nv, mechanism.nv))
-        found = self.along(mechanism, (np.array([t]), q[None], v[None], tau[None]), every, still)
+        found = self.at_each(mechanism, (np.array([t]), q[None], v[None], tau[None]))
         return float(found.values[0]), (found.by_y[0], found.by_u[0], found.by_tau[0])
+
+    def at_each(self, mechanism: Mechanism, states: States) -> Along:
+        """The term at N states, and its slopes by all velocities' components in place of y and u."""
+        n, nv = states[2].shape
+        every, still = (np.broadcast_to(part, (n, nv, nv)) for part in (np.eye(nv), np.zeros((nv, nv))))
+        return self.along(mechanism, states, every, still)
 
     def along(self, mechanism: Mechanism, states: States, G: Array, dv_dy: Array) -> Along:
         """The term and its slopes; without those of the user by differences of order 4.
@@ -74,11 +77,13 @@ class Term:
         states : (t, q, v, tau)
         G, dv_dy : ndarray (N, nv, m)
         """
-        values, m, nv = self._one_by_one(*states), G.shape[2], mechanism.nv
+        values, m, nv = self.values(*states), G.shape[2], mechanism.nv
         if self.slopes is not None:
             by = np.zeros((3, *states[2].shape))
-            for i, state in enumerate(self._each(states)):
-                by[: self._parts, i] = vectors(self.slopes(*state), self._parts, nv, self._labels[1])
+            for i, (t, *state) in enumerate(zip(states[0].tolist(), *states[1:], strict=True)):
+                handed = [t, *(part.copy() for part in state)]
+                given = self.slopes(*(handed if self._parts == 3 else handed[1:3]))
+                by[: self._parts, i] = vectors(given, self._parts, nv, self._labels[1])
             by_y = np.einsum("sn,snm->sm", by[0], G) + np.einsum("sn,snm->sm", by[1], dv_dy)
             return Along(values, by_y, np.einsum("sn,snm->sm", by[1], G), by[2])
         function = self.function
@@ -88,7 +93,7 @@ class Term:
 
         def many(*parts: Array) -> Array:
             found = at_once(function, parts) if same else None
-            return self._one_by_one(*parts) if found is None else found
+            return self.values(*parts) if found is None else found
 
         found = np.zeros((2 * m + nv, len(values)))
         moving = 2 * m + (nv if self._parts == 3 else 0)
@@ -99,14 +104,14 @@ class Term:
             found[:moving, here] = _differences(many, mechanism, moving, *some)
         return Along(values, found[:m].T, found[m : 2 * m].T, found[2 * m :].T)
 
-    def _each(self, states: tuple[Array, ...]) -> Iterator[list[Any]]:
-        """What the user's functions are handed at each state."""
-        for t, *state in zip(states[0].tolist(), *states[1:], strict=True):
-            yield [t, *(part.copy() for part in state)][self._asked]
-
-    def _one_by_one(self, *states: Array) -> Array:
-        assert self.function is not None  # asked only where there is one
-        return np.array([number(self.function(*state), self._labels[0]) for state in self._each(states)])
+    def values(self, t: Array, q: Array, v: Array, tau: Array) -> Array:
+        """The term at N states, asked one by one, (N,)."""
+        function, label = self.function, self._labels[0]
+        assert function is not None  # asked only where there is one
+        if self._parts == 2:
+            return np.array([number(function(x.copy(), w.copy()), label) for x, w in zip(q, v, strict=True)])
+        states = zip(t.tolist(), q, v, tau, strict=True)
+        return np.array([number(function(s, x.copy(), w.copy(), f.copy()), label) for s, x, w, f in states])
 
 
 def _differences(

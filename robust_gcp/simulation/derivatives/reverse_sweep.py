@@ -29,11 +29,11 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
 from .accelerations import derivatives
-from .cost import Cost, Gradient, Slopes, reduced
+from .cost import Cost, Gradient, reduced
+from .cost_terms import Along, Slopes
 from .drive_derivatives import DriveSweep
 from .kernel_sweep import Backwards, backwards, kernel_of
 from .run_again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
-from .running_cost import Along, running_along
 from .step_derivatives import WHAT, Follower, differentiated
 from .step_of_motion import Acting, Moved
 
@@ -242,9 +242,11 @@ class ReverseSweep:
         """The running term at output `at` under the torque of step i, with its slopes."""
         t, q, v = float(self._run.t[at]), self._run.q[at], self._run.v[at]
         if self._table is not None:
-            return self._cost.along(self._mechanism, t, q, v, self._table[i])
+            return self._cost.running_term.at(self._mechanism, t, q, v, self._table[i])
         assert self._function is not None
-        value, (by_q, by_v, by_tau) = self._cost.along(self._mechanism, t, q, v, self._function(t, q, v))
+        value, (by_q, by_v, by_tau) = self._cost.running_term.at(
+            self._mechanism, t, q, v, self._function(t, q, v)
+        )
         if not np.any(by_tau):
             return value, (by_q, by_v, by_tau)
         tau_q, tau_v = self._slopes_of(t, q, v)
@@ -280,4 +282,4 @@ class ReverseSweep:
         run = self._run
         outputs = slice(stretch.begin + which.start, stretch.begin + which.stop)
         states = run.t[outputs], run.q[outputs], run.v[outputs], tau
-        return running_along(self._cost, self._mechanism, states, stretch.G[which], stretch.dv_dy[which])
+        return self._cost.running_term.along(self._mechanism, states, stretch.G[which], stretch.dv_dy[which])

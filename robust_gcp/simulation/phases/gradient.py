@@ -52,14 +52,16 @@ class Running:
         applied = AppliedSlopes(mechanism, torque if callable(torque) else None, slopes)
         n = len(run.t)
         self.value, self.by_state, self.by_torque = 0.0, np.zeros((n, 2 * nv)), np.zeros((n - 1, nv))
-        self._rate = np.zeros(n)
+        self._rate: Array = np.zeros(n)
         self._half = 0.5 * np.diff(run.t)
         if cost.running is None:
             return
         weight = np.append(self._half, 0.0) + np.append(0.0, self._half)
-        for k in range(n):
+        tau = np.array([self._tau(*state) for state in zip(run.t.tolist(), run.q, run.v, strict=True)])
+        found = cost.running_term.at_each(mechanism, (run.t, run.q, run.v, tau))
+        self._rate = found.values
+        for k, (by_q, by_v, by_tau) in enumerate(zip(*found[1:], strict=True)):
             t, q, v = float(run.t[k]), run.q[k], run.v[k]
-            self._rate[k], (by_q, by_v, by_tau) = cost.along(mechanism, t, q, v, self._tau(t, q, v))
             if applied.some and np.any(by_tau):
                 tau_q, tau_v = applied(t, q, v)
                 by_q, by_v = by_q + by_tau @ tau_q, by_v + by_tau @ tau_v
@@ -78,10 +80,9 @@ class Running:
         after = 0.5 * (L[k] + L[k + 1]) if k + 1 < len(L) else 0.0
         weight = (self._half[k - 1] if k > 0 else 0.0) + (self._half[k] if k + 1 < len(L) else 0.0)
         h, t, q, v = LATER * float(run.t[-1] - run.t[0]), float(run.t[k]), run.q[k], run.v[k]
-        values = [
-            self._cost.along(run.mechanism, t + s * h, q, v, self._tau(t + s * h, q, v))[0]
-            for s in (1, -1, 2, -2)
-        ]
+        times = t + h * np.array([1, -1, 2, -2])
+        tau = np.array([self._tau(s, q, v) for s in times.tolist()])
+        values = self._cost.running_term.values(times, np.tile(q, (4, 1)), np.tile(v, (4, 1)), tau)
         slope = (8.0 * (values[0] - values[1]) - values[2] + values[3]) / (12.0 * h)
         return float(before - after + weight * slope)
 
