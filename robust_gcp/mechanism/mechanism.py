@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Literal
 
 import numpy as np
@@ -35,6 +36,9 @@ from .tree.tree import Array
 
 OF_LOOPS = ("column_scale", "joint_inertia", "lifted", "of_loops", "row_scale", "units")
 """What follows from the loops whatever the coordinates, as far as it is known."""
+
+TOLD = ("forces", "actuated", "left_out", "parts", "actuators", "tendons")
+"""What acts on a mechanism and what else it is made of, besides loops, coordinates and home."""
 
 BESIDE = ("recommended", "source", "keyframes", "sensors", "moved", "still", "judged_at")
 """What a file tells beside the mechanism itself, whatever its coordinates."""
@@ -110,7 +114,9 @@ class Mechanism(FromFiles):
         tendons: Mapping[str, TendonPath] | None = None,
     ) -> None:
         super().__init__(model, closures)
-        self._made(independent, home, name, forces, actuated, left_out, parts, actuators, tendons)
+        driven = {"actuators": actuators, "tendons": {} if tendons is None else tendons}
+        acting = SimpleNamespace(forces=forces, actuated=actuated, left_out=left_out, parts=parts, **driven)
+        self._made(acting, independent, home, name)
 
     @classmethod
     def _over(cls, loops: ClosedLoops, *given: Any) -> Mechanism:
@@ -122,18 +128,13 @@ class Mechanism(FromFiles):
 
     def _made(
         self,
+        acting: Any,
         independent: Sequence[str] | Literal["auto"] | None,
         home: ArrayLike | None,
         name: str,
-        forces: Sequence[Force],
-        actuated: Sequence[str],
-        left_out: Sequence[str],
-        parts: Sequence[Part],
-        actuators: Sequence[Actuator],
-        tendons: Mapping[str, TendonPath] | None,
     ) -> None:
-        """Coordinates of the loops, and all that acts on them."""
-        self.forces = tuple(forces_given(forces))
+        """Coordinates of the loops, and what acts on them: that of contents, or of another mechanism."""
+        self.forces = tuple(forces_given(acting.forces))
         self.applied = AppliedForces(self, self.forces) if self.forces else None
         require_length(self.forces, self.closures)
         check_text("name", name)
@@ -150,9 +151,10 @@ class Mechanism(FromFiles):
         else:
             chosen = joint_names(independent, "independent")
         self.choose(chosen)
-        self.actuated, self.left_out, self.parts = tuple(actuated), tuple(left_out), tuple(parts)
-        self.actuators = actuators_given(actuators)
-        self.tendons = tendons_given(self.tree, {} if tendons is None else tendons)
+        self.actuated, self.left_out = tuple(acting.actuated), tuple(acting.left_out)
+        self.parts = tuple(acting.parts)
+        self.actuators = actuators_given(acting.actuators)
+        self.tendons = tendons_given(self.tree, acting.tendons)
         self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
         require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
         if self.applied is not None and self.applied.own is not None:
@@ -200,13 +202,9 @@ class Mechanism(FromFiles):
         PartitionError
             When the dependent joints cannot be solved for in any configuration.
         """
-        check_model(model)
-        closures = closures_given(closures)
-        model, closures = with_named_frames(model, closures)
-        loops, rounded = without_unmoved_rows(ClosedLoops(model, closures))
-        left_out = named(IMPLIED, rounded)
-        tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
-        return cls._over(loops, independent, home, name, forces, (), left_out, (), actuators, tendons)
+        told: Any = {"actuators": actuators, "tendons": {} if tendons is None else tendons}
+        contents = FileContents(model, closures_given(closures), forces_given(forces), **told)
+        return cls.from_contents(contents, independent, home, name)
 
     @classmethod
     def from_contents(
@@ -222,13 +220,15 @@ class Mechanism(FromFiles):
         Without a name it is called as the file calls itself. `loops` are those of the contents where they
         are known, without what rounding alone holds.
         """
-        named = name or str(contents.model.name)  # as the file calls itself
-        seen, driven = (independent, home, named, contents.forces), (contents.actuators, contents.tendons)
+        left_out: list[str] = []
         if loops is None:
-            made = cls.from_pinocchio(contents.model, contents.closures, *seen, *driven)
-        else:
-            made = cls._over(loops, *seen, (), (), (), *driven)
-        made.actuated, made.left_out = contents.actuated, (*contents.left_out, *made.left_out)
+            check_model(contents.model)
+            model, closures = with_named_frames(contents.model, contents.closures)
+            loops, rounded = without_unmoved_rows(ClosedLoops(model, closures))
+            left_out = named(IMPLIED, rounded)
+            tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
+        made = cls._over(loops, contents, independent, home, name or str(contents.model.name))
+        made.left_out += tuple(left_out)
         made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
         made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
         made.moved = contents.moved
@@ -256,15 +256,9 @@ class Mechanism(FromFiles):
     def with_independent(self, independent: Sequence[str]) -> Mechanism:
         """The same mechanism in other minimal coordinates."""
         self.require_unchanged()
-        other = Mechanism._over(self, independent, self.home, *self._further)
+        other = Mechanism._over(self, self, independent, self.home, self.name)
         vars(other).update(self._beside)
         return other
-
-    @property
-    def _further(self) -> tuple[Any, ...]:
-        """What it is made of besides loops, coordinates and home."""
-        further = self.name, self.forces, self.actuated, self.left_out, self.parts
-        return (*further, self.actuators, self.tendons)
 
     @property
     def _beside(self) -> dict[str, Any]:
@@ -274,7 +268,7 @@ class Mechanism(FromFiles):
         """Pickle and copy by the recipe: the workspace holds views that must not be copied."""
         self.require_unchanged()
         recipe = self.own_model, self.closures, self.independent, self.home
-        return Mechanism, (*recipe, *self._further), self._beside
+        return Mechanism, (*recipe, self.name, *(getattr(self, name) for name in TOLD)), self._beside
 
     def __repr__(self) -> str:
         sizes = f"{self.nv} velocities, {len(self.closures)} closures with {self.nc} rows"
