@@ -10,14 +10,14 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from ..checks import check_mechanism, real_array, require_finite, shown
-from ..errors import NonFiniteError, OptionError
+from ..checks import check_mechanism, require_finite
 from ..maps.classical import SingularityWarning
 from ..maps.explicit import ExplicitMap, Point
 from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree.tree import Array
+from ..returned import returned
 from ..warning import warn
 from .reduced_inertia import ReducedInertia
 
@@ -175,18 +175,7 @@ class TorqueFunction:
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """τ at (t, q, v), (nv,)."""
         given = self._supplied(t, q.copy(), v.copy())
-        try:
-            tau = real_array(given)  # a copy: the function may use its array again
-        except TypeError as error:
-            raise OptionError(
-                f"torque(t, q, v) returned {shown(given)}, expected (nv,) = ({self._nv},) real numbers, "
-                "none of them masked"
-            ) from error
-        if tau.shape != (self._nv,):
-            raise OptionError(f"torque(t, q, v) returned shape {tau.shape}, expected (nv,) = ({self._nv},)")
-        if not np.isfinite(tau).all():
-            raise NonFiniteError(f"torque(t, q, v) returned {tau} at t = {t:.6g} s")
-        return tau
+        return returned(given, (self._nv,), "torque(t, q, v)", named="(nv,) = ", t=t)
 
     def over(self, t: Array, q: Array, v: Array) -> Array:
         """τ at many states, (N, nv), whose rows may be written to."""

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..checks import check_choice, checked_vector, listed, real_array, shown
-from ..errors import NonFiniteError, OptionError, StateError
+from ..errors import OptionError, StateError
 from ..mechanism.frames import place_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.named_numbers import places_of
 from ..mechanism.tree.tree import Array
+from ..returned import returned
 from .equations import Torque
 
 Load = float | ArrayLike | Callable[[float, Array, Array], ArrayLike]
@@ -136,11 +137,11 @@ class _JointFunction:
 
     def __init__(self, place: list[int], supplied: Callable[..., Any], label: str) -> None:
         self._place, self._supplied, self._label = place, supplied, label
-        self._size = len(place)
+        self._shape = (len(place),) if len(place) > 1 else ()
 
     def __call__(self, t: float, q: Array, v: Array, tau: Array) -> None:
         given = self._supplied(t, q.copy(), v.copy())
-        tau[self._place] += _returned(given, self._size, f"{self._label}(t, q, v)", t)
+        tau[self._place] += returned(given, self._shape, f"{self._label}(t, q, v)", t=t)
 
 
 class _FrameLoad:
@@ -164,7 +165,7 @@ class _FrameLoad:
         force, moment = self._constant
         if self._supplied is not None:
             given = self._supplied(t, q.copy(), v.copy())
-            force, moment = np.split(_returned(given, 6, f"{self._label}: force(t, q, v)", t), 2)
+            force, moment = np.split(returned(given, (6,), f"{self._label}: force(t, q, v)", t=t), 2)
         tree = self._tree
         tree.jacobians(q)  # after the user's function, which may have used the mechanism
         R = tree.R[self._joint]
@@ -180,17 +181,3 @@ def wrench_of(
     """What a wrench is at a state: joint that carries it, point, force and moment about it, in world axes."""
     joint, point, force, moment = _FrameLoad(mechanism, wrench).load_at(t, q, v)
     return joint, point + mechanism.standpoint, force, moment
-
-
-def _returned(value: Any, size: int, label: str, t: float) -> Array:
-    """The finite load of `size` numbers that a function returned; a plain number where it is one."""
-    wanted = "one real number" if size == 1 else f"({size},) real numbers"
-    try:
-        array = real_array(value)
-    except TypeError as error:
-        raise OptionError(f"{label} returned {shown(value)}, expected {wanted}") from error
-    if array.shape != (size,) and not (size == 1 and array.ndim == 0):
-        raise OptionError(f"{label} returned shape {array.shape}, expected {wanted}")
-    if not np.all(np.isfinite(array)):
-        raise NonFiniteError(f"{label} returned {shown(value)} at t = {t:.6g} s")
-    return array

@@ -452,7 +452,7 @@ class TestRefused:
         with pytest.raises(rg.OptionError, match=r"give terminal\(q, v\), running"):
             rg.Cost()
         with pytest.raises(
-            rg.OptionError, match=r"terminal\(q, v\) returned shape \(3,\), expected a number"
+            rg.OptionError, match=r"terminal\(q, v\) returned shape \(3,\), expected one real number"
         ):
             rg.gradient(run, rg.Cost(lambda q, v: q), self.CASE.tau)
         bad = rg.Cost(terminal, terminal_slopes=lambda q, v: (q, v[:2]))

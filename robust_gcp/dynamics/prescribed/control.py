@@ -10,10 +10,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...checks import hint, real_array, shown
-from ...errors import NonFiniteError, OptionError
+from ...errors import OptionError
 from ...mechanism.actuation.actuators import Actuator, clipped
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
+from ...returned import returned
 from ..equations import CheckedTorque, Torque, TorqueFunction, torque_function
 from .control_curves import Curve, Table, curve_of
 
@@ -173,12 +174,7 @@ class _Asked:
 
     def __call__(self, t: float, q: Array, v: Array) -> float:
         label, value = f"ctrl[{self._actuator.name!r}](t, q, v)", self._supplied(t, q.copy(), v.copy())
-        try:
-            number = float(real_array(value).reshape(()))
-        except (TypeError, ValueError) as error:
-            raise OptionError(f"{label} returned {shown(value)}, expected one real number") from error
-        if not np.isfinite(number):
-            raise NonFiniteError(f"{label} returned {number} at t = {t:.6g} s")
+        number = float(returned(value, (), label, t=t))
         return clipped(number, self._actuator.ctrl_range)
 
 

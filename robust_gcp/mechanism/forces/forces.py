@@ -1,8 +1,8 @@
 """Forces: what acts on a mechanism besides gravity and the torques of a simulation.
 
 A kind of force is a class that says its torque, and its potential energy where it has one; see `Force`. Those
-of `known_forces` are also known by their numbers to `AppliedForces` and to the compiled kernel, which asks
-all others for their torque at each evaluation.
+of `applied_forces.KINDS` are also known by their numbers to `AppliedForces` and to the compiled kernel, which
+asks all others for their torque at each evaluation.
 """
 
 from __future__ import annotations
@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...checks import check_number, check_text, listed, real_array, shown
-from ...errors import ModelError, NonFiniteError, OptionError
+from ...checks import check_number, check_text, listed, shown
+from ...errors import ModelError, OptionError
+from ...returned import returned
 from ..constraint.closures import Closure, PrismaticClosure
 from ..differences import torque_differences
 from ..tree.joints import Joint, joint_named, single_joint
@@ -212,17 +213,7 @@ def checked_derivatives(force: Force, mechanism: Mechanism, q: Array, v: Array) 
 
 def _checked(given: Any, shape: tuple[int, ...], force: Force, what: str) -> Array:
     """A finite array of this shape, or an error that names the force."""
-    try:
-        array = real_array(given)
-    except TypeError as error:
-        raise ModelError(
-            f"{shown(force)}: {what} returned {shown(given)}, expected {shape} real numbers"
-        ) from error
-    if array.shape != shape:
-        raise ModelError(f"{shown(force)}: {what} returned shape {array.shape}, expected {shape}")
-    if not np.all(np.isfinite(array)):
-        raise NonFiniteError(f"{shown(force)}: {what} returned {shown(given)}")
-    return array
+    return returned(given, shape, f"{shown(force)}: {what}", ModelError)
 
 
 def _only(nv: int, joint: Joint, torque: Any) -> Array:

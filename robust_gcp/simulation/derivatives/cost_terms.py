@@ -9,10 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ...checks import real_array, shown
-from ...errors import NonFiniteError, OptionError
+from ...errors import OptionError
 from ...mechanism.differences import moved_along
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
+from ...returned import returned
 
 NUDGE = 1e-3
 """Step of differences of order 4 without units: they err by 1e-13 of smooth costs."""
@@ -166,15 +167,7 @@ def number(value: Any, label: str) -> float:
     """What a cost returned, or an OptionError."""
     if isinstance(value, float) and math.isfinite(value):  # most are
         return float(value)
-    try:
-        array = real_array(value)
-    except TypeError as error:
-        raise OptionError(f"{label} returned {shown(value)}, expected a number") from error
-    if array.size != 1:
-        raise OptionError(f"{label} returned shape {array.shape}, expected a number")
-    if not np.isfinite(array).all():
-        raise NonFiniteError(f"{label} returned {shown(value)}")
-    return float(array.reshape(()))
+    return float(returned(value, (), label))
 
 
 def vectors(given: Any, count: int, nv: int, label: str) -> list[Array]:
