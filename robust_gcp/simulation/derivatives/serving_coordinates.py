@@ -74,17 +74,12 @@ def answered_by_others(
         Which of the states are asked for.
     """
     for other in those_that_served(mechanism):
-        kernel = derivation(other, q[left[0]]) if len(left) else None
-        if kernel is None:
-            continue
-        found = kernel.slopes(q[left], v[left], None if tau is None else tau[left], whole=True)
-        whole, done = found.whole, np.zeros(len(left), dtype=bool)
-        assert whole is not None  # it was asked for
-        for k in np.flatnonzero(found.good).tolist():
-            done[k] = parametrises(mechanism, found.G[k])
-            if done[k]:
-                yield int(left[k]), found.of_state(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
-        left = left[~done]
+        done = []
+        for i, found, whole in _by_kernel(other, q, v, tau, left):
+            if parametrises(mechanism, found.G):
+                done.append(i)
+                yield i, found, whole
+        left = np.setdiff1d(left, done)
 
 
 def parametrises(mechanism: Mechanism, G: Array) -> bool:
@@ -125,7 +120,7 @@ def forward_dynamics(
     if other is not None:
         state = state_of(motion, q, v)
         if mode is None and not callable(applied):
-            found = _by_kernel(other, *state, applied)
+            found = _at_one(other, *state, applied)
             if found is not None:
                 return require_finite(found[1].a[mechanism.iv_independent], "u̇")
         motion = initial_value_problem(other, *state, mode, applied)
@@ -173,7 +168,7 @@ def derivatives(
     state = state_of(motion, q, v)
     found = None
     if mode is None and tau_slopes is None and not callable(applied):
-        found = _by_kernel(other, *state, applied)
+        found = _at_one(other, *state, applied)
     if found is None:
         left_to_python(mechanism, "derivatives")
         motion = initial_value_problem(other, *state, mode, applied)
@@ -183,15 +178,21 @@ def derivatives(
 
 
 def _by_kernel(
-    mechanism: Mechanism, q: Array, v: Array, tau: Any
-) -> tuple[Derivatives, Accelerations] | None:
-    """The kernel's at one state, with the accelerations of all joints; None where it has none."""
-    kernel = derivation(mechanism, q)
+    mechanism: Mechanism, q: Array, v: Array, tau: Array | None, which: NDArray[np.intp]
+) -> Iterator[tuple[int, Derivatives, Accelerations]]:
+    """The kernel's at some of many states, with the accelerations of all joints, where it has them."""
+    kernel = derivation(mechanism, q[which[0]]) if len(which) else None
     if kernel is None:
-        return None
-    held = None if tau is None else np.asarray(tau, dtype=float)[None]
-    found = kernel.slopes(q[None], v[None], held, whole=True)
-    if not found.good[0] or found.whole is None:
-        return None
+        return
+    found = kernel.slopes(q[which], v[which], None if tau is None else tau[which], whole=True)
     whole = found.whole
-    return found.of_state(0), Accelerations(whole.a[0], whole.by_y[0], whole.by_u[0])
+    assert whole is not None  # it was asked for
+    for k in np.flatnonzero(found.good).tolist():
+        yield int(which[k]), found.of_state(k), Accelerations(whole.a[k], whole.by_y[k], whole.by_u[k])
+
+
+def _at_one(mechanism: Mechanism, q: Array, v: Array, tau: Any) -> tuple[Derivatives, Accelerations] | None:
+    """The kernel's at one state; None where it has none."""
+    held = None if tau is None else np.asarray(tau, dtype=float)[None]
+    found = next(_by_kernel(mechanism, q[None], v[None], held, np.arange(1)), None)
+    return found and found[1:]

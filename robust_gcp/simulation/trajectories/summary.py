@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
-from ...maps.explicit import Crossing
-from ...mechanism.mechanism import Mechanism
-from ...mechanism.tree.tree import Array
-from ..runs.stats import Stats
+if TYPE_CHECKING:
+    from .trajectory import Trajectory
 
 ROUNDED = 1e-12
 """Share of a run below which a time is told as zero: a start at a singular place passes it at once."""
@@ -17,18 +15,7 @@ SHOWN = 7
 """Names or times that are listed."""
 
 
-class Told(Protocol):
-    """What is told of a `Trajectory`."""
-
-    mechanism: Mechanism
-    t: Array
-    crossings: list[Crossing]
-    t_events: list[Array]
-    ended_by: int | None
-    stats: Stats
-
-
-def told(motion: Told, recorded: Sequence[str]) -> str:
+def told(motion: Trajectory, recorded: Sequence[str]) -> str:
     """What moved, how long, what was recorded and what happened."""
     m, n = motion.mechanism, len(motion.t)
     span = f"{n} times from {motion.t[0]:g} to {motion.t[-1]:g} s" if n else "no times"
