@@ -10,10 +10,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from ..mechanism.tolerances import FORM
 from ..mechanism.tree.tree import Array
-
-FLAT = 1e-6
-"""Eigenvalue ratio below which a direction of a form counts as flat."""
 
 TRANSVERSAL = 1e-4
 """Smallest singular value of the stacked Q_k(w, ·), relative to the forms, of a certified mode."""
@@ -98,7 +96,7 @@ def linear_modes(forms: Sequence[Array]) -> tuple[list[Array], bool]:
             more = True
             continue
         T = Vt[r:].T
-        if np.abs(np.einsum("kij,ia,jb->kab", basis, T, T)).max() > FLAT:
+        if np.abs(np.einsum("kij,ia,jb->kab", basis, T, T)).max() > FORM:
             more = True
             continue
         if not any(np.linalg.norm(T - known @ (known.T @ T), 2) < 1e-6 for known in found):
@@ -114,7 +112,7 @@ def is_definite(forms: Sequence[Array]) -> bool:
         c = c / np.linalg.norm(c)
         for k in range(200):
             values, vectors = np.linalg.eigh(np.einsum("k,kij->ij", c, basis))
-            if values[0] > FLAT:
+            if values[0] > FORM:
                 return True
             v = vectors[:, 0]
             c = c + 0.5 / (1.0 + 0.05 * k) * np.einsum("kij,i,j->k", basis, v, v)  # subgradient of λ_min

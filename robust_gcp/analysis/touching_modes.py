@@ -1,6 +1,7 @@
 """Beyond second order: what modes do that touch, where second order leaves a configuration undecided.
 
-The mid curve between modes (`maps/cluster/mid_curve`) decides: of a room above this one, asked when called.
+The mid curve between modes (`maps/cluster/touching/mid_curve`) decides: of a room above this one, asked when
+called.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def contact_at(loops: ClosedLoops, q: Array) -> Contact | None:
-    """See `maps.cluster.contact.contact_at`."""
+    """See `maps.cluster.touching.contact.contact_at`."""
     from ..maps.cluster.touching import contact
 
     return contact.contact_at(loops, q)

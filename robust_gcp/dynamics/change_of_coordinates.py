@@ -13,12 +13,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from ..mechanism.tree.tree import Array
+from ..mechanism.tree.joints import Array, Index
 from .derivatives import Accelerations, Derivatives
-
-Index = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 from numpy.typing import ArrayLike
 
@@ -20,10 +20,7 @@ if TYPE_CHECKING:
 class FromFiles(Above):
     """`Above`, made from files."""
 
-    @classmethod
-    def _from_contents(cls, *contents: Any) -> Mechanism:
-        made: Mechanism = cls.from_contents(*contents)  # type: ignore[attr-defined]
-        return made
+    from_contents: ClassVar[Callable[..., Mechanism]]
 
     @classmethod
     def from_urdf(
@@ -55,7 +52,7 @@ class FromFiles(Above):
         tell_left_out(contents.left_out, _called(urdf, "URDF"), strict)
         contents.close(closures_given(closures))
         contents.forces += forces_given(forces)
-        return cls._from_contents(contents, independent, home, name)
+        return cls.from_contents(contents, independent, home, name)
 
     @classmethod
     def from_mjcf(
@@ -80,7 +77,7 @@ class FromFiles(Above):
         contents = read_mjcf(mjcf, base, root, moving)
         tell_left_out(contents.left_out, _called(mjcf, "MJCF"), strict)
         q = contents.configuration(home) if home is None or isinstance(home, str) else home
-        return cls._from_contents(contents, independent, q, name)
+        return cls.from_contents(contents, independent, q, name)
 
 
 def _called(given: str | Path, what: str) -> str:

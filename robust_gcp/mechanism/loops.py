@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TypeVar
+from typing import TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -248,11 +248,10 @@ class ClosedLoops:
 
     def velocities_of(self, name: str) -> list[int]:
         """Where the velocities of a joint, or of one component of a joint, are in v."""
-        given: object = name
-        if not isinstance(given, str) or given in self.joint_names:
-            return list(range(*self.joint(name).v.indices(self.nv)))
-        found = [c.iv for c in in_v(self.joints) if c.name == name]
-        return found or list(range(*self.joint(name).v.indices(self.nv)))  # which tells near names
+        found, given = list[int](), cast(object, name)
+        if isinstance(given, str) and given not in self.joint_names:
+            found = [c.iv for c in in_v(self.joints) if c.name == given]
+        return found or list(self.joint(name).iv)  # which tells near names
 
     def velocity_slice(self, name: str) -> slice:
         """Where the joint's entries are in v."""

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from ...mechanism.assembly.assembly import Index
 from ...mechanism.constraint.closures import WELDED, Closure, RevoluteClosure, closure_frames
 from ...mechanism.constraint.separation import Separation
 from ...mechanism.loops import ClosedLoops
 from ...mechanism.tolerances import CLOSED, RANK
+from ...mechanism.tree.joints import Index
 from ...mechanism.tree.tree import Array
 from ..library import Library, library
 from ..loop_arrays import NotNativeError, describe_loops

@@ -6,18 +6,16 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from ...checks import check_finite, shown
 from ...errors import ModelError
-from ..forces.forces import Force
+from ..forces.forces import Force, Vector
 from ..tree.tree import Array
 from .paths import BoundPath, Path, SumOfJoints
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

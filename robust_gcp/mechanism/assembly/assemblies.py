@@ -15,9 +15,8 @@ from ..coordinates.coordinates import Coordinates
 from ..coordinates.partition import numerical_rank
 from ..loops import ClosedLoops
 from ..tolerances import RANK
-from ..tree.joints import in_v
-from ..tree.tree import Array
-from .assembly import Index, assembled
+from ..tree.joints import Array, Index, in_v
+from .assembly import assembled
 from .ranges import ranges_of
 
 BATCH, LEAST, MOST = 256, 512, 20_000

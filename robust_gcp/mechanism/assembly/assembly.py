@@ -17,9 +17,8 @@ from ..constraint.separation import Separation
 from ..coordinates.loop_graph import loop_groups
 from ..loops import ClosedLoops
 from ..tolerances import CLOSED
-from ..tree.tree import Array
+from ..tree.joints import Array, Index
 
-Index = NDArray[np.int64]
 Residual = Callable[[Array], tuple[Array, Array]]
 """Residual and its Jacobian by the dimensionless step of all velocities."""
 
@@ -51,7 +50,7 @@ STALLED, PATIENCE = 0.99, 8
 def free_velocities(loops: ClosedLoops) -> NDArray[np.int64]:
     """Velocities of joints that are in no loop and no coupling."""
     tied = {j for group in loop_groups(loops.own_model, loops.closures) for j in group.joints}
-    free = [i for joint in loops.joints if joint.index not in tied for i in range(*joint.v.indices(loops.nv))]
+    free = [i for joint in loops.joints if joint.index not in tied for i in joint.iv]
     return np.array(free, dtype=np.int64)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 from ...errors import ClosureError, ModelWarning
 from ...warning import warn
 from ..loops import ClosedLoops
-from ..tree.tree import Array
-from .assembly import FEW_STARTS, Index, assembled, free_velocities
+from ..tree.joints import Array, Index
+from .assembly import FEW_STARTS, assembled, free_velocities
 
 log = logging.getLogger(__name__)
 

@@ -13,7 +13,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ...checks import hint, shown
 from ...errors import OptionError, PartitionError
@@ -21,10 +20,7 @@ from ..constraint.closures import Closure
 from ..forces.forces import JointDamper, JointSpring, JointTorque, PointSpring
 from ..mechanism import Mechanism
 from ..tolerances import RANK
-from ..tree.joints import Joint
-from ..tree.tree import Array
-
-Index = NDArray[np.int64]
+from ..tree.joints import Array, Index, Joint
 
 MARK = ".placement."
 

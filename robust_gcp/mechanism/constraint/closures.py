@@ -24,8 +24,6 @@ from numpy.typing import NDArray
 from ...checks import check_text, hint, real_array
 from ...errors import ModelError
 
-Index = NDArray[np.int64]
-
 Direction = tuple[float, float, float]
 """In the axes of a frame."""
 

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from ...errors import ModelError
 from ..tolerances import CLOSED, STRUCTURAL
-from ..tree.joints import carrying, joint_named
+from ..tree.joints import Index, carrying, joint_named
 from ..tree.tree import Array, Tree
 from ..tree.vectors import apply, cross, skew
-from .closures import Index
 from .couplings import AnyClosure, CouplingClosure, Couplings
 from .rows import ROTATION, LoopRows, rows_of
 

@@ -128,14 +128,12 @@ class MovingCoupling(CouplingClosure):
 
 
 AnyClosure = Closure | CouplingClosure
+"""What ties the joints of a spanning tree: loops between two frames, and couplings of two joints."""
 
 
 def closures_given(closures: Any) -> list[Any]:
     """A list of closures, of this package's kinds or of Pinocchio's, or a ModelError."""
     return listed(closures, "closures", "closures, such as PointClosure(frame1, frame2)", kind=AnyClosure)
-
-
-"""What ties the joints of a spanning tree: loops between two frames, and couplings of two joints."""
 
 
 class Couplings:

@@ -80,7 +80,7 @@ def _without(
             continue
         if home is not None and len(inside) < len(group.closures):
             continue
-        velocities = [i for j in group.joints for i in range(*loops.joints[j - 1].v.indices(loops.nv))]
+        velocities = [i for j in group.joints for i in loops.joints[j - 1].iv]
         left = _selected(loops, members, velocities, places, exact)
         if left is None:
             continue

@@ -63,9 +63,7 @@ class Coordinates(ClosedLoops):
         self.m = len(self.iv_independent)
         self.iv_dependent = np.setdiff1d(np.arange(self.nv), self.iv_independent)
         chosen = set(self.iv_independent.tolist())
-        self.dependent = tuple(
-            j.name for j in self.joints if not chosen.issuperset(range(*j.v.indices(self.nv)))
-        )
+        self.dependent = tuple(j.name for j in self.joints if not chosen.issuperset(j.iv))
 
     def coordinate_choices(self, q: ArrayLike) -> list[tuple[float, tuple[str, ...]]]:
         """Sets of joints that parametrise the motion at a regular q, best conditioned first.
@@ -98,7 +96,7 @@ class Coordinates(ClosedLoops):
             joint
             for joint in self.joints
             if not joint.flat
-            and chosen.issuperset(range(*joint.v.indices(self.nv)))
+            and chosen.issuperset(joint.iv)
             and not any(joint.name in cluster.joints for cluster in self.clusters)
         )
 
@@ -113,9 +111,7 @@ class Coordinates(ClosedLoops):
         return tuple(
             joint
             for joint in self.joints
-            if not joint.flat
-            and not chosen.isdisjoint(range(*joint.v.indices(self.nv)))
-            and joint.name not in free
+            if not joint.flat and not chosen.isdisjoint(joint.iv) and joint.name not in free
         )
 
     @cached_property

@@ -13,9 +13,7 @@ import scipy
 from numpy.typing import NDArray
 
 from ..tolerances import DETERMINES
-from ..tree.tree import Array
-
-Index = NDArray[np.int64]
+from ..tree.joints import Array, Index
 
 MAX_ENUMERATED = 2000
 """Sets of joints examined one by one before a rank-revealing choice takes over (a few ms)."""

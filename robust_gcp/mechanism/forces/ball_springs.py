@@ -8,18 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ...checks import check_text, checked_vector, shown
 from ...errors import ModelError
 from ..tree.joints import Joint, JointKind, joint_named
 from ..tree.tree import Array
-from .forces import Force, require_number
+from .forces import Force, Vector, require_number
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
-
-Vector = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

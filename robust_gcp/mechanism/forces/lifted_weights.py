@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from ...checks import check_text, checked_vector, shown
 from ...errors import ModelError
@@ -16,12 +15,11 @@ from ..frames import place_of
 from ..tree.columns import with_simple_joints
 from ..tree.tree import Array
 from ..tree.workspace import workspace
-from .forces import Force, require_number
+from .forces import Force, Vector, require_number
 
 if TYPE_CHECKING:
     from ..mechanism import Mechanism
 
-Vector = NDArray[np.float64]
 Weight = tuple[str, float, tuple[float, ...]]
 
 

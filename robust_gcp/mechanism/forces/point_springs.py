@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,20 +91,23 @@ class Lines:
         tree, k, c = self._tree, self._stiffness, self._damping
         start, apart = self._ends(q)
         p, J = np.array([start, start + apart]), tree.J.copy()
-        columns = Columns(tree.model, tree.joints)
-        length, speed, along, bend = self._lengths(columns, J, p, v)
+        length, speed, along, bend = self._lengths(J, p, v)
         tension = k * (length - self._rest) + c * speed
         by_q, by_v = np.empty((2, *G.T.shape))
         for i, direction in enumerate(G.T):
             shorter = along @ direction
-            second = self._lengths(columns, J, p, direction)[3]
+            second = self._lengths(J, p, direction)[3]
             by_q[i] = -shorter @ (k[:, None] * along + c[:, None] * bend) - tension @ second
             by_v[i] = -(shorter * c) @ along
         return by_q, by_v
 
-    def _lengths(self, columns: Columns, J: Array, p: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+    @cached_property
+    def _columns(self) -> Columns:
+        return Columns(self._tree.model, self._tree.joints)
+
+    def _lengths(self, J: Array, p: Array, v: Array) -> tuple[Array, Array, Array, Array]:
         """l, l̇ (springs,), ∂l/∂q and ∂l̇/∂q (springs, nv) at the velocity v."""
-        motions, part = Motions(columns, J, v, np.zeros_like(v)), columns.of_joint[self._joint]
+        motions, part = Motions(self._columns, J, v, np.zeros_like(v)), self._columns.of_joint[self._joint]
         apart = motions.points(part[1], p[1]) - motions.points(part[0], p[0])
         length = np.linalg.norm(apart.x, axis=1)
         size = np.where(length > 0.0, length, 1.0)

@@ -19,6 +19,7 @@ from ...checks import hint, shown
 from ...errors import ModelError
 
 Array = NDArray[np.floating[Any]]
+Index = NDArray[np.int64]
 
 OF_MOMENTS = ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2))
 """Where second moments stand in their matrix, in Pinocchio's order: Ixx, Ixy, Iyy, Ixz, Iyz, Izz."""
@@ -165,6 +166,11 @@ class Joint:
     def v(self) -> slice:
         """Where its entries are in v."""
         return slice(self.idx_v, self.idx_v + self.nv)
+
+    @property
+    def iv(self) -> range:
+        """The places in v one by one."""
+        return range(self.idx_v, self.idx_v + self.nv)
 
     @property
     def constant_subspace(self) -> bool:

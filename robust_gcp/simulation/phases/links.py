@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...dynamics.change_of_coordinates import Index, Slope
-from ...mechanism.tree.tree import Array
+from ...dynamics.change_of_coordinates import Slope
+from ...mechanism.tree.joints import Array, Index
 from .saltation import Jump
 
 
