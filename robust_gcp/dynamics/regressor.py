@@ -39,20 +39,6 @@ class Regressor:
     values: Array
 
 
-def inertial_names(mechanism: Mechanism) -> tuple[str, ...]:
-    """What the parameters are called, see `Regressor`."""
-    of_bodies = [f"{joint.name}.{short}" for joint in mechanism.joints for short in OF_A_BODY]
-    return (*of_bodies, *(f"{component.name}.armature" for component in in_v(mechanism.joints)))
-
-
-def inertial_values(mechanism: Mechanism) -> Array:
-    """The mechanism's own parameters, (n,)."""
-    bodies = [
-        np.asarray(mechanism.own_model.inertias[j.index].toDynamicParameters()) for j in mechanism.joints
-    ]
-    return np.concatenate([*bodies, np.asarray(mechanism.own_model.armature)])
-
-
 class TorqueRegressor(threading.local):
     """Y (nv, n) with Y π = RNEA(q, v, a); one workspace a thread.
 
@@ -104,18 +90,22 @@ def regressor(
         As `simulate` does for a start.
     """
     check_mechanism(mechanism, Mechanism, "regressor")
+    m, joints, model = mechanism.m, mechanism.joints, mechanism.own_model
+    names = [f"{joint.name}.{short}" for joint in joints for short in OF_A_BODY]
+    names += [f"{component.name}.armature" for component in in_v(joints)]
+    bodies = [np.asarray(model.inertias[joint.index].toDynamicParameters()) for joint in joints]
+    values = np.concatenate([*bodies, np.asarray(model.armature)])
+
+    def matrix_at(q: Array, v: Array, udot: Array) -> Array:
+        wanted = checked_vector(udot, m, "udot", "m")
+        point = initial_value_problem(mechanism, q, v, mode).start.point
+        G = point.G
+        Y = torque_regressor(mechanism).matrix_at(point.q, G @ point.ydot, G @ wanted + point.g)
+        return require_finite(G.T @ Y, "the regressor")
+
     if is_table(q):
-        given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (udot, mechanism.m, "udot", "m")
-        names, values = inertial_names(mechanism), inertial_values(mechanism)
-        sizes = mechanism.m, len(names)
-        found = of_each(
-            lambda at, fast, a: regressor(mechanism, at, fast, a, mode).matrix, rows_like(*given), *sizes
-        )
-        return Regressor(found, names, values)
-    wanted = checked_vector(udot, mechanism.m, "udot", "m")
-    point = initial_value_problem(mechanism, q, v, mode).start.point
-    G = point.G
-    Y = torque_regressor(mechanism).matrix_at(point.q, G @ point.ydot, G @ wanted + point.g)
-    return Regressor(
-        require_finite(G.T @ Y, "the regressor"), inertial_names(mechanism), inertial_values(mechanism)
-    )
+        given = (q, mechanism.nq, "q", "nq"), (v, mechanism.nv, "v", "nv"), (udot, m, "udot", "m")
+        matrix = of_each(matrix_at, rows_like(*given), m, len(names))
+    else:
+        matrix = matrix_at(q, v, udot)  # type: ignore[arg-type]  # checked there
+    return Regressor(matrix, tuple(names), values)

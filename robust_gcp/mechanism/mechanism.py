@@ -156,7 +156,7 @@ class Mechanism(FromFiles):
         self.actuators = actuators_given(acting.actuators)
         self.tendons = tendons_given(self.tree, acting.tendons)
         self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
-        require_determined(self, self.independent, self.dependent, self.iv_dependent, self.home)
+        require_determined(self)
         if self.applied is not None and self.applied.own is not None:
             self.applied.own.require_sound(self.home)
 

@@ -50,11 +50,8 @@ class Drive:
 
     def motion_at(self, t: float) -> tuple[Array, Array, Array]:
         """y, ẏ and ÿ of the driven joints at time t."""
-        p, r, s = self._rows(t)
+        p, r, s = np.array([motion.at(t) for motion in self._motions]).T
         return p, r, s
-
-    def _rows(self, t: float) -> Array:
-        return np.array([motion.at(t) for motion in self._motions]).T
 
     def stages(self, times: Array, shares: Sequence[float]) -> Array:
         """y, ẏ and ÿ at t + c h of the steps h between times, (n, s, 3, driven); of the last one at c = 0.
@@ -80,7 +77,7 @@ class Drive:
             h = float(times[i + 1]) - t if i + 1 < len(times) else 0.0
             try:
                 for k, share in enumerate(shares if i + 1 < len(times) else shares[:1]):
-                    rows[i, k] = self._rows(t + share * h)
+                    rows[i, k] = self.motion_at(t + share * h)
             except Exception:  # whatever a function of the user's raises
                 return rows[:i]
         return rows

@@ -64,20 +64,20 @@ class TendonSpring(Force):
 
     def force(self, mechanism: Mechanism, q: Array, v: Array) -> float:
         """Along the path, N or N m."""
-        path = self.bound(mechanism)
-        mechanism.tree.jacobians(q)
-        length, moment = path.length_at(q)
-        return -(self.stiffness * self._stretch(length) + self.damping * float(moment @ v))
+        return self._at(mechanism, q, v)[0]
 
     def pulls(self, mechanism: Mechanism, q: Array, v: Array) -> tuple[Array, float]:
         """τ (nv,), and the power of the damper, W."""
+        force, moment, rate = self._at(mechanism, q, v)
+        return force * moment, -self.damping * rate**2
+
+    def _at(self, mechanism: Mechanism, q: Array, v: Array) -> tuple[float, Array, float]:
+        """The force along the path, its moment arms (nv,), and its rate."""
         path = self.bound(mechanism)
         mechanism.tree.jacobians(q)
         length, moment = path.length_at(q)
         rate = float(moment @ v)
-        return -(
-            self.stiffness * self._stretch(length) + self.damping * rate
-        ) * moment, -self.damping * rate**2
+        return -(self.stiffness * self._stretch(length) + self.damping * rate), moment, rate
 
     def energy(self, mechanism: Mechanism, q: Array) -> float:
         """½ stiffness x², J."""

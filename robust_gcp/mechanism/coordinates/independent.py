@@ -7,7 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from ...errors import ClosureError, PartitionError
 from ..assembly.assembly import assembled, free_velocities
@@ -158,23 +157,17 @@ def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
     return loops.nv - rank, float(s[rank - 1] / s[0]) if rank else 1.0
 
 
-def require_determined(
-    loops: Coordinates,
-    independent: Sequence[str],
-    dependent: Sequence[str],
-    iv_dependent: NDArray[np.int64],
-    home: Array,
-) -> None:
+def require_determined(loops: Coordinates) -> None:
     """A PartitionError, with sets that would serve, where K_d is singular in every configuration.
 
     Raises
     ------
     PartitionError
     """
-    nd = len(iv_dependent)
+    iv_dependent, nd = loops.iv_dependent, len(loops.iv_dependent)
     seen = loops.generic_configurations()
-    if loops.closure_residual(home) <= CLOSED:
-        seen.append(home)
+    if loops.closure_residual(loops.home) <= CLOSED:
+        seen.append(loops.home)
     jacobians = [loops.scaled(loops.K(q))[:, iv_dependent] for q in seen]
     if is_determined(jacobians):
         return
@@ -183,12 +176,12 @@ def require_determined(
     _, _, Vt = np.linalg.svd(jacobians[0])
     moving = np.zeros(loops.nv)
     moving[iv_dependent] = np.max(np.abs(Vt[rank:]), axis=0)
-    culprits = [n for n in dependent if np.any(moving[loops.velocity_slice(n)] > DETERMINES)]
+    culprits = [n for n in loops.dependent if np.any(moving[loops.velocity_slice(n)] > DETERMINES)]
     # joints whose complement the closures determine at a generic configuration
     suggestions = [names for _, names in loops.coordinate_choices(seen[0])]
     hint = "; sets that would serve: " + spelled(suggestions) if suggestions else ""
     raise PartitionError(
-        f"independent = {', '.join(map(repr, independent)) or 'none'}: K_d is structurally "
+        f"independent = {', '.join(map(repr, loops.independent)) or 'none'}: K_d is structurally "
         f"singular (rank {rank} for {nd} dependent velocities): the closures do not determine "
         f"{', '.join(map(repr, culprits))} in any configuration{hint}",
         suggestions,
