@@ -107,6 +107,8 @@ class LoopRows:
     def wrench_rates(self, p: Array, R: Array, speed: Array, omega: Array) -> Array:
         """d/dt of `wrenches`; velocities of all frames' origins, and ω, in world axes."""
         n, arms, moved = self._normals(R), self._arms(p, R), speed.take(self._ends, 0)
+        if not self.turning:
+            return self._wrenches(np.zeros_like(n), cross(moved, n))
         turned = self._turns * cross(omega[self._second], n)
         own = np.where(self._point, moved[0], cross(omega[self._first], arms[0]))
         moved = np.where(self._turns, own, moved)
