@@ -119,7 +119,8 @@ class ImplicitConstraint:
 
     def _moved(self, wrenches: Array, J: Array) -> Array:
         """Wrenches (2, rows, 6) on either body by the velocities that carry it, (rows, nv)."""
-        both = np.einsum("srx,jx->srj", wrenches, J) * self._carries
+        both = wrenches @ J.T
+        both *= self._carries
         return np.asarray(both[0] + both[1])
 
     def _joined(self, of_loops: Array, of_couplings: Array) -> Array:

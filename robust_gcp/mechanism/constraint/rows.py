@@ -151,7 +151,7 @@ class LoopRows:
     def _wrenches(self, n: Array, moments: Array) -> Array:
         """Those of the rows, from forces n of the terms that are positions and all moments, (2, terms, 3)."""
         terms = np.empty((2, len(n), 6))
-        terms[:, :, :3], terms[:, :, 3:] = self._point * n, moments
+        terms[:, :, :3], terms[:, :, 3:] = self._point * n if self.turning else n, moments
         return self._sums(terms)
 
     def _sums(self, terms: Array) -> Array:

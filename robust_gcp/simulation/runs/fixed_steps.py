@@ -218,7 +218,8 @@ class FixedRun(RefinedRun):
             if self._progress is not None:
                 for j in range(i + 1, i + 1 + batch.steps):
                     self._report(j)
-        self._record.cross(batch.crossings)
+        if batch.crossings:
+            self._record.cross(batch.crossings)
 
     def _watch_rows(self, i: int, q: Array) -> None:
         """Refuse to go on where rows of φ are left open at some of the outputs after time i."""

@@ -76,10 +76,15 @@ def is_plain(mechanism: Mechanism) -> bool:
 
     But for joints on groups, such as a floating base.
     """
-    rest = rest_of(mechanism)
-    determined = rest.nc == len(rest.iv_dependent)
-    determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
-    return determined and len(rest.numbers) == rest.m and mechanism.m > 0
+
+    def found() -> bool:
+        rest = rest_of(mechanism)
+        determined = rest.nc == len(rest.iv_dependent)
+        determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
+        return determined and len(rest.numbers) == rest.m and mechanism.m > 0
+
+    plain: bool = mechanism.memo.once("rows as many as dependent velocities", found)
+    return plain
 
 
 def rest_of(mechanism: Mechanism) -> Mechanism:

@@ -213,7 +213,7 @@ class Record:
     @property
     def crossings(self) -> list[Crossing]:
         """Those logged so far; what one cluster passes at once is one."""
-        return together(self._crossings)
+        return together(self._crossings) if self._crossings else []
 
     def grow(self, schedule: Schedule) -> None:
         """Go on to a schedule that begins with the present one."""
