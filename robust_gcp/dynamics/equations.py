@@ -17,7 +17,7 @@ from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import STRUCTURAL
 from ..mechanism.tree.tree import Array
-from ..returned import returned
+from ..user_functions import returned
 from ..warning import warn
 from .reduced_inertia import ReducedInertia
 

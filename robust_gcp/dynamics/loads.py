@@ -15,7 +15,7 @@ from ..mechanism.frames import place_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.named_numbers import places_of
 from ..mechanism.tree.tree import Array
-from ..returned import returned
+from ..user_functions import returned
 from .equations import Torque
 
 Load = float | ArrayLike | Callable[[float, Array, Array], ArrayLike]

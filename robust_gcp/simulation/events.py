@@ -16,9 +16,10 @@ from typing import Any, Protocol
 import numpy as np
 import scipy
 
-from ..checks import check_callable, check_number, listed, real_array, shown
-from ..errors import NonFiniteError, OptionError
+from ..checks import check_callable, check_number, listed, shown
+from ..errors import OptionError
 from ..mechanism.tree.tree import Array
+from ..user_functions import returned
 
 EventFunction = Callable[[float, Array, Array], float]
 
@@ -221,19 +222,7 @@ class Events:
 
 def _value(event: Event, k: int, t: float, q: Array, v: Array) -> float:
     """What an event says at one time, a finite number."""
-    given = event(t, q.copy(), v.copy())
-    try:
-        value = real_array(given)
-        if value.size != 1:
-            raise TypeError
-    except TypeError as error:
-        raise OptionError(
-            f"events[{k}](t, q, v) returned {shown(given)}, expected one real number"
-        ) from error
-    number = float(value.reshape(()))
-    if not np.isfinite(number):
-        raise NonFiniteError(f"events[{k}](t, q, v) returned {number} at t = {t:.6g} s")
-    return number
+    return float(returned(event(t, q.copy(), v.copy()), (), f"events[{k}](t, q, v)", t=t))
 
 
 def checked_events(events: Any) -> list[Event]:

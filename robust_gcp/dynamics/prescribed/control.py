@@ -14,7 +14,7 @@ from ...errors import OptionError
 from ...mechanism.actuation.actuators import Actuator, clipped
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...returned import returned
+from ...user_functions import returned
 from ..equations import CheckedTorque, Torque, TorqueFunction, torque_function
 from .control_curves import Curve, Table, curve_of
 

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ...checks import check_number, check_text, listed, shown
 from ...errors import ModelError, OptionError
-from ...returned import returned
+from ...user_functions import returned
 from ..constraint.closures import Closure, PrismaticClosure
 from ..differences import torque_differences
 from ..tree.joints import Joint, joint_named, single_joint

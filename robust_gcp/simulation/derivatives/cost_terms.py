@@ -13,7 +13,7 @@ from ...errors import OptionError
 from ...mechanism.differences import moved_along
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ...returned import returned
+from ...user_functions import returned
 
 NUDGE = 1e-3
 """Step of differences of order 4 without units: they err by 1e-13 of smooth costs."""
