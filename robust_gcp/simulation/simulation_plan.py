@@ -24,7 +24,6 @@ from .runs.coordinates import in_coordinates
 from .runs.course import Course
 from .runs.initial_state import Given
 from .runs.schedule import Keep, Schedule
-from .runs.stability import StabilityCheck
 from .runs.stepped import SteppedRun
 from .simulate import checked_toggle
 from .trajectories.acted import Acted
@@ -104,9 +103,9 @@ class StepwisePlan:
         course = at_first = self._course(mechanism, drives, ROOM)
         if independent and course.on_toggle == "repartition":
             at_first = replace(course, mechanism=in_coordinates(mechanism, independent))
-        motion, native = at_first.initialise(start, self.held, self.kernel, self.required)
-        if drives is None:
-            StabilityCheck(mechanism, None, self.step, self.choice.options).before(motion, native)
+        motion, native, stability = at_first.begun(start, self.held, self.kernel, self.required)
+        if stability is not None:
+            stability.before(motion, native)
         run = course.made(motion, native)
         assert isinstance(run, SteppedRun)  # as torques are held
         return mechanism, run

@@ -19,7 +19,6 @@ from ..runs.coordinates import Coordinates
 from ..runs.fixed_steps import FixedRun
 from ..runs.initial_state import initialise
 from ..runs.schedule import Schedule
-from ..runs.stability import StabilityCheck
 from ..runs.stepped import SteppedRun
 from ..trajectories.interpolant import Interpolant
 
@@ -75,7 +74,6 @@ def _steadier(
     motion: Problem,
     plan: Course,
     start: tuple[Array, Array, ArrayLike | None],
-    torque: Torque | ArrayLike | None,
     native: NativeSteps | None,
 ) -> Problem:
     """The start in coordinates that say its velocity better, if any: near a turn they lose digits."""
@@ -83,7 +81,7 @@ def _steadier(
     names = Coordinates(mechanism, mechanism.independent, motion.counters).at_rest(start[0])
     if names is None or plan.on_toggle == "error":
         return motion
-    acting = torque, plan.choice, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
+    acting = motion.torque, plan.choice, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
     with contextlib.suppress(SimulationError, PartitionError):
         other = initialise(native, mechanism.with_independent(names), start, *acting)
         if _shifted(other, start[1]) < 0.1 * _shifted(motion, start[1]):
@@ -119,15 +117,10 @@ class Leg:
         self._plan = plan = replace(plan, schedule=Schedule.every(times), duration=span, record=("a", "tau"))
         self._begun, self.times, self._machines = time.perf_counter(), times, machines
         self._held = torque.value if isinstance(torque, HeldTorque) else None
-        self._stability: StabilityCheck | None = None
-        held = isinstance(torque, HeldTorque)
-        if plan.checked and plan.tableau == "rk4":
-            given = None if held else torque
-            self._stability = StabilityCheck(plan.mechanism, given, plan.step, plan.choice.options)
-            torque = torque if held else self._stability.torque
-        self._motion, native = plan.initialise(start, torque, machines.kernel, machines.required)
+        found = plan.begun(start, torque, machines.kernel, machines.required)
+        self._motion, native, self._stability = found
         if _shifted(self._motion, start[1]) > SAME:
-            self._motion = _steadier(self._motion, plan, start, torque, native)
+            self._motion = _steadier(self._motion, plan, start, native)
         if self._stability is not None:
             self._stability.before(self._motion, native)
         self._native = native

@@ -114,14 +114,8 @@ class Course:
         progress
             As in `simulate`.
         """
-        begun, stability = time.perf_counter(), None
-        if self.checked and self.tableau == "rk4" and self.solver is None and self.drives is None:
-            held = isinstance(torque, HeldTorque)
-            stability = StabilityCheck(
-                self.mechanism, None if held else torque, self.step, self.choice.options
-            )
-            torque = torque if held else stability.torque
-        motion, native = self.initialise(start, torque, kernel, required)
+        begun = time.perf_counter()
+        motion, native, stability = self.begun(start, torque, kernel, required)
         # By its Jacobian at the start: where RK4 would need more than `MOST_PARTS` parts, stiffly.
         if stability is not None and not self._stable(stability, native, motion, again):
             assert again is not None  # nothing else is not stable
@@ -138,16 +132,21 @@ class Course:
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)
 
-    def initialise(
+    def begun(
         self, start: Given, torque: Torque | ArrayLike | None, kernel: Library | None, required: bool
-    ) -> tuple[Problem, NativeSteps | None]:
-        """The motion at its start, and what takes its steps natively."""
+    ) -> tuple[Problem, NativeSteps | None, StabilityCheck | None]:
+        """The motion at its start, what takes its steps natively, and what tells whether these are stable."""
+        held, stability = isinstance(torque, HeldTorque), None
+        if self.checked and self.tableau == "rk4" and self.solver is None and self.drives is None:
+            function = None if held else torque
+            stability = StabilityCheck(self.mechanism, function, self.step, self.choice.options)
+            torque = torque if held else stability.torque
         own = self.tableau if isinstance(self.tableau, Tableau) else None
         acts = torque.native if isinstance(torque, HeldTorque) else torque
         native = None if kernel is None else NativeSteps(kernel, acts, required, self.drives, own, self.guard)
         t0 = float(self.schedule.times[0])
         given = self.mechanism, start, torque, self.choice, self.on_toggle, self.drives, t0
-        return initialise(native, *given), native
+        return initialise(native, *given), native, stability
 
     def through_phases(
         self, joints: Sequence[Part], start: Given, torque: Torque | ArrayLike | None, kernel: Library | None,
