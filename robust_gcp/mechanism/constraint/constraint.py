@@ -119,7 +119,7 @@ class ImplicitConstraint:
 
     def _moved(self, wrenches: Array, J: Array) -> Array:
         """Wrenches (2, rows, 6) on either body by the velocities that carry it, (rows, nv)."""
-        both = wrenches @ J.T
+        both = np.einsum("srx,jx->srj", wrenches, J)  # without BLAS, whose last digits differ by machine
         both *= self._carries
         return np.asarray(both[0] + both[1])
 
