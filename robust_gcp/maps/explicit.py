@@ -6,6 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, Protocol, TypeVar
 
+import numpy as np
+import scipy
+
 from ..mechanism.tree.tree import Array
 
 if TYPE_CHECKING:
@@ -152,28 +155,13 @@ class Stretch:
     t1: float
     y: Callable[[float], Array]
 
-
-@dataclass(frozen=True)
-class Passage:
-    """A singular surface between two evaluated points.
-
-    Attributes
-    ----------
-    y, q, kind, certificate, transversality, cluster, corank, order
-        See `Crossing`.
-    time : float or None
-        s; None where y says when it was passed.
-    """
-
-    y: Array
-    q: Array
-    kind: CrossingKind
-    certificate: float
-    transversality: float
-    time: float | None = None
-    cluster: int | None = None
-    corank: int = 1
-    order: int = 1
+    def zero(self, ahead: Callable[[float], float]) -> float:
+        """When a distance is zero; the nearer end where it keeps its sign."""
+        t0, t1 = self.t0, self.t1
+        f0, f1 = ahead(t0), ahead(t1)
+        if not f0 * f1 < 0.0:
+            return t1 if abs(f1) <= abs(f0) else t0
+        return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))
 
 
 class ExplicitMap(Protocol):
@@ -205,8 +193,8 @@ class ExplicitMap(Protocol):
         """Whether a singular surface was met so far, so that `passed` may have something to tell."""
         ...
 
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
-        """All singular surfaces between two accepted points; one that lies on `after` is passed."""
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Crossing]:
+        """All singular surfaces between two accepted points, by time; one that lies on `after` is passed."""
         ...
 
     @property
@@ -242,12 +230,17 @@ Own = TypeVar("Own")
 
 
 class Charted:
-    """The part of a map that its regular path answers for: charts of joints in loops."""
+    """The part of a map that its regular path answers for: charts of joints in loops, and what it counts."""
 
     @property
     def rest(self: Own) -> Own:
         """Itself: there are no joints on groups."""
         return self
+
+    @property
+    def counters(self: _OnPath) -> Counters:
+        """What was computed so far."""
+        return self.path.counters
 
     def rate(self: _OnPath, point: Point) -> Array:
         """See `ExplicitMap.rate`."""
@@ -268,27 +261,11 @@ class Charted:
 class Unaware(Charted):
     """The part of a map that does not know of singular surfaces: none is met, none passed."""
 
-    path: RegularPath
-
     @property
     def met(self) -> bool:
         """Never."""
         return False
 
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Crossing]:
         """Nothing."""
         return []
-
-    @property
-    def counters(self) -> Counters:
-        """What was computed so far."""
-        return self.path.counters
-
-
-def sign_changes(before: Point, after: Point) -> list[float]:
-    """Where determinants of K_d's blocks change sign, as shares of the way, ascending; linearly."""
-    return sorted(
-        float(a / (a - b))
-        for a, b in zip(before.det.tolist(), after.det.tolist(), strict=True)
-        if a * b < 0.0 or (b == 0.0 != a)
-    )

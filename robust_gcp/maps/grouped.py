@@ -11,7 +11,7 @@ from ..mechanism.coordinates.groups import Groups
 from ..mechanism.tree.tree import Array
 from .classical import ClassicalMap
 from .cluster.cluster_map import ClusterMap
-from .explicit import OUTGROWN, Counters, ExplicitMap, Passage, Point, Stretch
+from .explicit import OUTGROWN, Counters, Crossing, ExplicitMap, Point, Stretch
 from .regular_path import RegularPath
 
 
@@ -87,7 +87,7 @@ class GroupMap:
         self._anchor = joined(self.groups, rest, _origin(self._anchor), y, ydot)
         return self._anchor
 
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Crossing]:
         """Singular surfaces of the rest between two points; q, y and the stretch are its own."""
         assert isinstance(before, GroupPoint)
         assert isinstance(after, GroupPoint)

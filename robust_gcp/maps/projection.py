@@ -7,7 +7,7 @@ import numpy as np
 from ..errors import BranchError, NonFiniteError
 from ..mechanism.coordinates.partition import numerical_rank
 from ..mechanism.tree.tree import Array
-from .explicit import Charted, Counters, Passage, Point, Stretch, sign_changes
+from .explicit import Charted, Crossing, Point, Stretch
 from .regular_path import RegularPath
 
 PROJECTION_THRESHOLD = 1e-3
@@ -37,11 +37,6 @@ class ProjectionMap(Charted):
     def __init__(self, path: RegularPath, start: Point, threshold: float = PROJECTION_THRESHOLD) -> None:
         self.path, self.anchor, self.threshold = path, start, threshold
 
-    @property
-    def counters(self) -> Counters:
-        """What was computed so far."""
-        return self.path.counters
-
     def point_at(self, y: Array, ydot: Array) -> Point:
         """The point at y; projected where K_d is rank deficient.
 
@@ -61,15 +56,20 @@ class ProjectionMap(Charted):
         """Always: a step may pass the narrow zone of the projection without a point in it."""
         return True
 
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
-        """Each change of a determinant's sign."""
-        tree, found = self.path.tree, []
-        for share in sign_changes(before, after):
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Crossing]:
+        """Each change of a determinant's sign: where it is zero linearly, at the time at which y is there."""
+        tree, found, towards = self.path.tree, [], stretch.y(stretch.t1) - stretch.y(stretch.t0)
+        dets = zip(before.det.tolist(), after.det.tolist(), strict=True)
+        for share in sorted(a / (a - b) for a, b in dets if a * b < 0.0 or b == 0.0 != a):
             residual = self.path.mechanism.closure_residual(after.q)
             q = tree.integrate(before.q, share * tree.difference(before.q, after.q))
             y = before.y + share * (after.y - before.y)
-            found.append(Passage(y, q, "projected", residual, np.nan))
-        return found
+
+            def ahead(t: float, y: Array = y) -> float:
+                return float((stretch.y(t) - y) @ towards)
+
+            found.append(Crossing(stretch.zero(ahead), y, q, "projected", residual))
+        return sorted(found, key=lambda crossing: crossing.time)
 
     def _project(self, y: Array, ydot: Array) -> Point:
         path, mechanism = self.path, self.path.mechanism

@@ -11,7 +11,7 @@ from ...errors import SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..explicit import Charted, Counters, Passage, Point, Stretch
+from ..explicit import Charted, Crossing, Point, Stretch
 from ..regular_path import RegularPath
 from .apex import rounding
 from .chart import CHANGE, quality
@@ -80,11 +80,6 @@ class ClusterMap(Charted):
         """What solves on regular ground."""
         return self._ground.path
 
-    @property
-    def counters(self) -> Counters:
-        """What was computed so far."""
-        return self.path.counters
-
     @contextmanager
     def following_true_curve(self) -> Iterator[None]:
         """Within this context the caller controls its error."""
@@ -140,7 +135,7 @@ class ClusterMap(Charted):
             return self._arriving_met
         return any(tracker.touched for tracker in self._known_trackers())
 
-    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Passage]:
+    def passed(self, before: Point, after: Point, stretch: Stretch) -> list[Crossing]:
         """All singular places between two accepted points."""
         return passages(self._known_trackers(), before, after, stretch, self.mechanism)
 

@@ -6,13 +6,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from ...errors import SimulationError
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..explicit import CrossingKind, Passage, Point, Stretch
+from ..explicit import Crossing, Point, Stretch
 from .curve import Curve
 from .jet import is_singular, pencil_roots
 from .patch import Patch
@@ -27,13 +26,13 @@ BORDER = 1e-10
 
 def passages(
     trackers: Sequence[Tracker], before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
-) -> list[Passage]:
+) -> list[Crossing]:
     """Singular places on a stretch between two accepted points, in the order of time.
 
     With one coordinate: where y meets that of a root of a curve. With several: Newton in time on the pencil
     along the velocity.
     """
-    found: list[Passage] = []
+    found: list[Crossing] = []
     for tracker in trackers:
         cluster = tracker.space.cluster
         for bridge in tracker.touched:
@@ -44,39 +43,39 @@ def passages(
             found += _on_patch(tracker, patches[-1], before, after, stretch, mechanism)
         # the bridge that it stands on may have places ahead, for the next step
         tracker.touched = [] if tracker.current is None else [tracker.current]
-    found = [_among_others(passage, trackers, stretch, mechanism) for passage in found]
-    return sorted(found, key=lambda passage: passage.time or 0.0)
+    found = [_among_others(crossing, trackers, stretch, mechanism) for crossing in found]
+    return sorted(found, key=lambda crossing: crossing.time)
 
 
 def _among_others(
-    passage: Passage, trackers: Sequence[Tracker], stretch: Stretch, mechanism: Mechanism
-) -> Passage:
-    """The passage with all that is not of its cluster where y has it at that time.
+    crossing: Crossing, trackers: Sequence[Tracker], stretch: Stretch, mechanism: Mechanism
+) -> Crossing:
+    """The crossing with all that is not of its cluster where y has it at that time.
 
     A polynomial between the ends of a long step leaves the other loops open.
     """
-    if not mechanism.tree.vector_space or passage.time is None:
-        return passage
-    q, y = passage.q.copy(), stretch.y(passage.time)
+    if not mechanism.tree.vector_space:
+        return crossing
+    q, y = crossing.q.copy(), stretch.y(crossing.time)
     q[mechanism.iq_independent] = y
     for tracker in trackers:
         space, cluster = tracker.space, tracker.space.cluster
-        if cluster.index == passage.cluster:
-            q[cluster.iq] = passage.q[cluster.iq]
+        if cluster.index == crossing.cluster:
+            q[cluster.iq] = crossing.q[cluster.iq]
             continue
         kept = tracker.anchor, tracker.current, tracker.u, list(tracker.touched)
         try:
             q[cluster.iq] = space.q(tracker.jet_at(y[cluster.inputs] / space.D[cluster.chosen]).x)
         except (SimulationError, np.linalg.LinAlgError):
-            q[cluster.iq] = passage.q[cluster.iq]  # the polynomial's, good to the step's fourth power
+            q[cluster.iq] = crossing.q[cluster.iq]  # the polynomial's, good to the step's fourth power
         finally:
             tracker.anchor, tracker.current, tracker.u, tracker.touched = kept
-    return replace(passage, q=q, y=q[mechanism.iq_independent])
+    return replace(crossing, q=q, y=q[mechanism.iq_independent])
 
 
 def _on_curve(
     curve: Curve, cluster: LoopCluster, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
-) -> list[Passage]:
+) -> list[Crossing]:
     space = curve.space
     u0, u1 = (curve.u(space.x(point.q[cluster.iq])) for point in (before, after))
     C, unit = space.chart(cluster.chosen)[:, 0], float(space.D[cluster.chosen[0]])
@@ -94,34 +93,12 @@ def _on_curve(
         def ahead(t: float, wanted: float = wanted) -> float:
             return float(stretch.y(t)[cluster.inputs[0]]) - wanted
 
-        time = _zero(ahead, stretch)
+        time = stretch.zero(ahead)
         q = between(before, after, stretch, time, mechanism)
         q[cluster.iq] = space.q(x)
-        certificate = curve.kind, curve.closure, curve.transversality
-        found.append(
-            replace(_passage(q, time, certificate, cluster, corank, mechanism), order=curve.order(i))
-        )
+        what = curve.kind, curve.closure, curve.transversality, cluster.index, corank, curve.order(i)
+        found.append(Crossing(time, q[mechanism.iq_numbers], q, *what))
     return found
-
-
-def _zero(ahead: Callable[[float], float], stretch: Stretch) -> float:
-    """When a distance is zero on a stretch; the nearer end where it keeps its sign."""
-    t0, t1 = stretch.t0, stretch.t1
-    f0, f1 = ahead(t0), ahead(t1)
-    if not f0 * f1 < 0.0:
-        return t1 if abs(f1) <= abs(f0) else t0
-    return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))
-
-
-def _passage(
-    q: Array,
-    time: float,
-    certificate: tuple[CrossingKind, float, float],
-    cluster: LoopCluster,
-    corank: int,
-    mechanism: Mechanism,
-) -> Passage:
-    return Passage(q[mechanism.iq_numbers], q, *certificate, time, cluster.index, corank)
 
 
 def between(a: Point, b: Point, stretch: Stretch, time: float, mechanism: Mechanism) -> Array:
@@ -157,7 +134,7 @@ def _on_patch(
     after: Point,
     stretch: Stretch,
     mechanism: Mechanism,
-) -> list[Passage]:
+) -> list[Crossing]:
     space, cluster = tracker.space, tracker.space.cluster
     kept = tracker.anchor, tracker.current, tracker.u
     unit, inputs = space.D[cluster.chosen], cluster.inputs
@@ -181,7 +158,7 @@ def _on_patch(
         mu = pencil_roots(space, point.P, point.x, point.J @ rate, point.C)
         return real(mu), point.x
 
-    found: list[Passage] = []
+    found: list[Crossing] = []
     met: list[float] = []
     try:
         ends = (stretch.t0, before), (stretch.t1, after)
@@ -202,8 +179,8 @@ def _on_patch(
                 q = between(before, after, stretch, t, mechanism)
                 q[cluster.iq] = space.q(x)
                 corank = max(1, int(np.sum(away < SAME * h)))
-                certificate = patch.kind, patch.closure, patch.transversality
-                found.append(_passage(q, t, certificate, cluster, corank, mechanism))
+                what = patch.kind, patch.closure, patch.transversality, cluster.index, corank
+                found.append(Crossing(t, q[mechanism.iq_numbers], q, *what))
     except (SimulationError, np.linalg.LinAlgError):
         pass  # beside the step the mode may end; what was found stands
     finally:

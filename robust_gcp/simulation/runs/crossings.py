@@ -9,10 +9,9 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-import scipy
 
 from ...dynamics.equations import Evaluation
-from ...maps.explicit import Crossing, ExplicitMap, Passage, Point, Stretch
+from ...maps.explicit import Crossing, ExplicitMap, Point, Stretch
 from ...maps.grouped import GroupMap, GroupPoint
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
@@ -167,27 +166,3 @@ def quintic(h: float, before: Sequence[Array], after: Sequence[Array]) -> tuple[
     c4 = -15.0 * jump + 7.0 * turn - bend
     c5 = 6.0 * jump - 3.0 * turn + 0.5 * bend
     return p0, v0, 0.5 * a0, c3, c4, c5
-
-
-def located(passages: Sequence[Passage], stretch: Stretch) -> list[Crossing]:
-    """Each passage at its time on the stretch, in their order."""
-    start, end = stretch.y(stretch.t0), stretch.y(stretch.t1)
-    found = []
-    for p in passages:
-        time = _time(p, stretch, start, end) if p.time is None else p.time
-        certificates = p.certificate, p.transversality
-        found.append(Crossing(time, p.y, p.q, p.kind, *certificates, p.cluster, p.corank, p.order))
-    return sorted(found, key=lambda crossing: crossing.time)
-
-
-def _time(passage: Passage, stretch: Stretch, start: Array, end: Array) -> float:
-    """When y meets the surface: its component along the step does."""
-    towards = end - start
-
-    def ahead(t: float) -> float:
-        return float((stretch.y(t) - passage.y) @ towards)
-
-    t0, t1 = stretch.t0, stretch.t1
-    if not ahead(t0) * ahead(t1) < 0.0:
-        return t1 if abs(ahead(t1)) <= abs(ahead(t0)) else t0
-    return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))

@@ -20,7 +20,7 @@ from ...maps.cluster.product import turned
 from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
 from .coordinates import in_coordinates
-from .crossings import located, motion_at, placed_between, stretch_between
+from .crossings import motion_at, placed_between, stretch_between
 from .recovery import Checkpoint, Recovery
 from .run import Run
 from .solver_rates import Following
@@ -216,6 +216,6 @@ class RefinedRun(Run):
         times = float(self.times[i - 1]) if since is None else since, t
         ends = (before.point, before.ydd), (now.point, now.ydd)
         stretch = stretch_between(explicit, mechanism, times, *ends)
-        crossings = located(explicit.passed(before.point, now.point, stretch), stretch)
+        crossings = explicit.passed(before.point, now.point, stretch)
         states = (motion_at(*end) for end in ends)
         self._record.cross(placed_between(mechanism, crossings, times, *states))

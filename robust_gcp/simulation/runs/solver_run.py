@@ -14,7 +14,7 @@ from ...maps.explicit import Stretch
 from ...mechanism.tree.tree import Array
 from ..events import Zero
 from ..trajectories.trajectory import Trajectory
-from .crossings import in_new_chart, located, numbers, placed
+from .crossings import in_new_chart, numbers, placed
 from .recovery import Checkpoint
 from .run import Run
 from .solver_rates import Following
@@ -166,6 +166,6 @@ class AdaptiveRun(Run):
         self._following.near(behind)  # the map stands where the solver's last trial was
         before, after = (explicit.point_at(x[:m], x[m : 2 * m]) for x in (behind, step.x))
         stretch = Stretch(step.t0, step.t1, lambda t: numbers(explicit, step.between(t)[:m]))
-        crossings = located(explicit.passed(before, after, stretch), stretch)
+        crossings = explicit.passed(before, after, stretch)
         self._record.cross(placed(explicit, crossings, lambda t: step.between(t)[:m]))
         self._following.looked()
