@@ -32,8 +32,6 @@ class BlockFactor:
         Entries that are not structurally zero.
     dependent : ndarray (n,) of int
         Columns of K that make up the matrix K_d.
-    nv : int
-        Columns of K.
 
     Attributes
     ----------
@@ -49,9 +47,7 @@ class BlockFactor:
         joints is never conditioned as well as one of two. Set by the owner, 1 until then.
     """
 
-    def __init__(
-        self, blocks: Sequence[Block], pattern: NDArray[np.bool_], dependent: Index, nv: int
-    ) -> None:
+    def __init__(self, blocks: Sequence[Block], pattern: NDArray[np.bool_], dependent: Index) -> None:
         self.blocks = tuple(blocks)
         n, count = len(pattern), len(blocks)
         self.det: Array = np.ones(count)
@@ -62,25 +58,14 @@ class BlockFactor:
         self._pair = count == 1 and n == 2
         rows = np.concatenate([b.rows for b in blocks]) if blocks else np.zeros(0, dtype=np.int64)
         columns = np.concatenate([b.columns for b in blocks]) if blocks else rows
-        self._rows, self._columns = rows, columns
+        self._rows, self._order, self._dependent = rows, np.ix_(rows, columns), dependent
         self._into = np.argsort(columns)
-        self._at = np.arange(n)[:, None] * nv + dependent  # where entries of K_d are in a flat K
-        self._layout_band(pattern[np.ix_(rows, columns)])
+        self._layout_band(pattern[self._order])
         sizes = np.array([len(b.rows) for b in blocks])
-        self._small = [i for i, size in enumerate(sizes) if size <= 2]
-        self._large = [
-            (i, self._at[np.ix_(block.rows, block.columns)])
-            for i, block in enumerate(blocks)
-            if len(block.rows) > 2
-        ]
-        self._corners = np.array(
-            [
-                [self._at[blocks[i].rows[r], blocks[i].columns[c]] for r in (0, -1) for c in (0, -1)]
-                for i in self._small
-            ],
-            dtype=np.int64,
-        ).reshape(-1, 4)
-        self._corner = self._at.ravel()  # of a single 2 × 2 block
+        self._small = np.flatnonzero(sizes <= 2)
+        self._large = [(i, np.ix_(b.rows, b.columns)) for i, b in enumerate(blocks) if len(b.rows) > 2]
+        ends = np.array([(b.rows[[0, 0, -1, -1]], b.columns[[0, -1, 0, -1]]) for b in blocks], dtype=np.int64)
+        self._corners = tuple(ends.reshape(-1, 2, 4)[self._small].transpose(1, 2, 0))
         self._single = sizes[self._small] == 1
 
     def fresh(self) -> BlockFactor:
@@ -97,27 +82,26 @@ class BlockFactor:
         self._banded = NARROW * (2 * self._kl + self._ku + 1) <= self._n
         height = 2 * self._kl + self._ku + 1
         self._band = np.zeros((height, self._n), order="F")
-        self._band_at = (self._kl + self._ku + i - j, j)
-        self._band_from = self._at[self._rows[i], self._columns[j]]
-        self._order = self._at[np.ix_(self._rows, self._columns)]
+        self._band_from, self._band_at = (i, j), (self._kl + self._ku + i - j, j)
 
     def factor(self, K: Array) -> None:
-        """Factorise the dependent columns of K (n, nv), C-contiguous."""
-        flat = K.reshape(-1)
+        """Factorise the dependent columns of K (n, nv)."""
+        K_d = K[:, self._dependent]
         if self._pair:
-            self._factor_pair(flat)
+            self._factor_pair(K_d)
             return
+        ordered = K_d[self._order]
         if self._banded:
             self._band[:] = 0.0
-            self._band[self._band_at] = flat[self._band_from]
+            self._band[self._band_at] = ordered[self._band_from]
             self._lu, self._pivots, self._info = scipy.linalg.lapack.dgbtrf(self._band, self._kl, self._ku)
         else:
-            self._lu, self._pivots, self._info = scipy.linalg.lapack.dgetrf(flat[self._order])
-        self._measure(flat)
+            self._lu, self._pivots, self._info = scipy.linalg.lapack.dgetrf(ordered)
+        self._measure(K_d)
 
-    def _factor_pair(self, flat: Array) -> None:
+    def _factor_pair(self, K_d: Array) -> None:
         """A single 2 × 2 block in plain floats: its inverse, determinant and σ_min/σ_max."""
-        a, b, c, d = flat[self._corner].tolist()
+        a, b, c, d = K_d.ravel().tolist()
         det = a * d - b * c
         square = a * a + b * b + c * c + d * d
         root = sqrt(max(square * square - 4.0 * det * det, 0.0))
@@ -126,10 +110,10 @@ class BlockFactor:
         r = 1.0 / det if det else np.nan
         self._inverse = np.array([[d * r, -b * r], [-c * r, a * r]])
 
-    def _measure(self, flat: Array) -> None:
+    def _measure(self, K_d: Array) -> None:
         det, rcond = np.empty(len(self.blocks)), np.empty(len(self.blocks))
-        if self._small:
-            a, b, c, d = flat[self._corners].T
+        if len(self._small):
+            a, b, c, d = K_d[self._corners]
             small = np.where(self._single, a, a * d - b * c)
             square = a * a + b * b + c * c + d * d
             root = np.sqrt(np.maximum(square * square - 4.0 * small * small, 0.0))
@@ -139,7 +123,7 @@ class BlockFactor:
                 self._single, np.minimum(size, 1.0), 2.0 * size / np.maximum(square + root, 1e-300)
             )
         for i, grid in self._large:
-            piece = flat[grid]
+            piece = K_d[grid]
             norm = float(np.abs(piece).sum(axis=0).max())
             lu, pivots, info = scipy.linalg.lapack.dgetrf(piece)
             swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from ..mechanism.coordinates.joint_charts import loop_charts
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .explicit import Closed, Counters, Point
-from .regular_path import RegularPath
+from .explicit import Counters, Point
+from .regular_path import Closed, RegularPath
 
 
 class ChartedPath(RegularPath):

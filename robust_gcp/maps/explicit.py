@@ -76,27 +76,6 @@ class Counters:
     native_steps: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Closed:
-    """A configuration that closes the selected rows, as the tree's workspace holds it.
-
-    Attributes
-    ----------
-    q : ndarray (nq,)
-    K : ndarray (nd, nv)
-        Dimensionless.
-    correction : float
-        Length of Newton's first step, dimensionless.
-    placed : int
-        `Tree.placed` when it was evaluated: another number there means that the workspace has moved on.
-    """
-
-    q: Array
-    K: Array
-    correction: float
-    placed: int
-
-
 CrossingKind = Literal["transversal", "tangential", "near miss", "projected", "within"]
 
 

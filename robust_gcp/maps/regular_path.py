@@ -6,7 +6,7 @@ nothing of singularities beyond reporting how well K_d is conditioned.
 
 from __future__ import annotations
 
-from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from ..mechanism.coordinates.partition import Block
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array, Tree
 from .blocks import BlockFactor
-from .explicit import Closed, Counters, Point
+from .explicit import Counters, Point
 from .structure import reference_of_whole, structured
 from .weld_points import tree_at_points
 
@@ -31,6 +31,23 @@ NONE = np.ones(0)
 
 MAX_NEWTON = 12
 """Newton iterations before a start counts as lost; from a good prediction two or three suffice."""
+
+
+class Closed(NamedTuple):
+    """A configuration that closes the selected rows, at which the tree's workspace is.
+
+    Attributes
+    ----------
+    q : ndarray (nq,)
+    K : ndarray (nd, nv)
+        Dimensionless.
+    correction : float
+        Length of Newton's first step, dimensionless.
+    """
+
+    q: Array
+    K: Array
+    correction: float = 0.0
 
 
 class RegularPath:
@@ -54,24 +71,13 @@ class RegularPath:
         self.dependent, self.independent = mechanism.iv_dependent, mechanism.iv_independent
         self.iq, self.numbers = mechanism.iq_numbers, mechanism.numbers
         self.m, self.nd = mechanism.m, len(self.dependent)
-        self._key = tuple(rows.tolist())
-        once, dependent = mechanism.memo.once, self.dependent
-        fixed = once(("scales of a path", self._key), self._scales)
-        self._column_scale, self._scale, self._length_scale, self._turn_scale, self._tree_G = fixed
-        self.points, self.tree = once(
-            ("points", self._key), lambda: tree_at_points(mechanism, rows, dependent)
-        )
-        self.implicit = once(("selected rows of φ", self._key), lambda: self._selected(self.tree))
-        self._structure = self._found()  # now: it moves the tree
-
-    def _scales(self) -> tuple[Array, Array, Array, Array, Array]:
-        """Of dependent and of all columns, of steps in lengths and in turns; and G of a tree."""
-        mechanism = self.mechanism
-        columns = mechanism.column_scale[self.dependent]
-        scale, tree_G = np.ones(mechanism.nv), np.zeros((mechanism.nv, self.m))
-        scale[self.dependent] = columns
-        tree_G[self.independent] = np.eye(self.m)  # y may be in another order than v
-        return columns, scale, 1.0 / mechanism.column_scale, 1.0 / mechanism.units, tree_G
+        self._scale, self._tree_G = np.ones(mechanism.nv), np.zeros((mechanism.nv, self.m))
+        self._column_scale = self._scale[self.dependent] = mechanism.column_scale[self.dependent]
+        self._tree_G[self.independent] = np.eye(self.m)  # y may be in another order than v
+        once, dependent, key = mechanism.memo.once, self.dependent, tuple(rows.tolist())
+        self.points, self.tree = once(("points", key), lambda: tree_at_points(mechanism, rows, dependent))
+        self.implicit = once(("selected rows of φ", key), lambda: self._selected(self.tree))
+        self.factor: BlockFactor = once(("structure of K_d", key), self._structured).fresh()
 
     def __deepcopy__(self, memo: object) -> RegularPath:
         """Itself: it holds nothing of a motion, and views that must not be copied."""
@@ -83,19 +89,12 @@ class RegularPath:
         chosen = mechanism.implicit.rows[rows]
         return ImplicitConstraint(tree, mechanism.closures, chosen, mechanism.row_scale[rows], self._scale)
 
-    @cached_property
-    def factor(self) -> BlockFactor:
-        """The factorisation of K_d."""
-        return self._structure.fresh()
-
-    def _found(self) -> BlockFactor:
-        """The structure of K_d, found once for each mechanism and choice of rows."""
-        if self.nd == 0:
-            return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent, self.tree.nv)
-        return self.mechanism.memo.once(("structure of K_d", self._key), self._structured)
-
     def _structured(self) -> BlockFactor:
-        mechanism, configurations = self.mechanism, self.mechanism.generic_configurations()
+        """The factorisation of K_d with its structure, found once for each mechanism and choice of rows."""
+        mechanism = self.mechanism
+        if self.nd == 0:
+            return BlockFactor([], np.zeros((0, 0), dtype=bool), self.dependent)
+        configurations = mechanism.generic_configurations()
 
         def found(tree: Tree, implicit: ImplicitConstraint) -> BlockFactor:
             def jacobian(q: Array) -> Array:
@@ -113,7 +112,7 @@ class RegularPath:
     @property
     def blocks(self) -> tuple[Block, ...]:
         """The diagonal blocks of K_d, in the order of substitution."""
-        return self._structure.blocks
+        return self.factor.blocks
 
     def predict(self, anchor: Point, y: Array) -> tuple[Array, Array]:
         """q_a ⊕ dv and dv = G Δy + ½ γ''[Δy, Δy].
@@ -134,16 +133,15 @@ class RegularPath:
 
     def size(self, dv: Array) -> float:
         """Largest entry of a step dv, dimensionless."""
-        return float(np.abs(dv * self._length_scale).max(initial=0.0))
+        return float(np.abs(dv * (1.0 / self.mechanism.column_scale)).max(initial=0.0))
 
     def turn(self, dv: Array) -> float:
         """Largest rotation in a step dv, rad, or slide in characteristic lengths."""
-        return float(np.abs(dv * self._turn_scale).max(initial=0.0))
+        return float(np.abs(dv * (1.0 / self.mechanism.units)).max(initial=0.0))
 
     def closed_at(self, q: Array) -> Closed:
         """A configuration that is closed already, placed and with K there, for `derivatives`."""
-        K = self._constraint(q)[1] if self.nd else np.zeros((0, self.tree.nv))
-        return Closed(q, K, 0.0, self.tree.placed)
+        return Closed(q, self._constraint(q)[1] if self.nd else np.zeros((0, self.tree.nv)))
 
     def close(self, q: Array, contracting: bool = True, origin: Array | None = None) -> Closed | None:
         """Newton on the dependent joints from q (overwritten).
@@ -169,7 +167,7 @@ class RegularPath:
             size = float(np.abs(phi).max())
             # of long chains φ rounds more: it is closed where Newton gains nothing any more
             if size <= CONVERGED or (size <= STAGNANT and size >= 0.25 * last_size):
-                return Closed(q, K, correction, self.tree.placed)
+                return Closed(q, K, correction)
             if not np.isfinite(size):
                 return None
             self.factor.factor(self._turned(q, K, origin))
@@ -185,12 +183,13 @@ class RegularPath:
         return None
 
     def derivatives(self, closed: Closed, y: Array, ydot: Array) -> Point:
-        """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a closed configuration, with K_d factorised once."""
-        q = closed.q
+        """G = [I; −K_d⁻¹ K_i] and g = [0; K_d⁻¹ k] at a configuration that was closed just now.
+
+        K_d is factorised once.
+        """
+        q, K, correction = closed
         if self.nd == 0:
             return Point(y, ydot, q, self._tree_G, self.tree.zero, None, NONE, NONE)
-        # someone else may have placed the tree since
-        K = closed.K if closed.placed == self.tree.placed else self._constraint(q)[1]
         tree, factor, dependent = self.tree, self.factor, self.dependent
         factor.factor(K)
         G = self._tree_G.copy()
@@ -204,14 +203,7 @@ class RegularPath:
         elif self.m:
             G[dependent] = self._column_scale[:, None] * -factor.solve(K[:, self.independent])
             g[dependent] = self._bias(q, G @ ydot)
-        return Point(y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst, closed.correction)
-
-    def second_derivative(self, point: Point, direction: Array) -> Array:
-        """γ''[d, d] at a point for a direction d (m,): g at ẏ = d."""
-        self.factor.factor(self._constraint(point.q)[1])
-        g = np.zeros(self.tree.nv)
-        g[self.dependent] = self._bias(point.q, point.G @ direction)
-        return g
+        return Point(y, ydot, q, G, g, curvature, factor.det, factor.rcond, factor.worst, correction)
 
     def conditioning(self, q: Array) -> tuple[Array, Array]:
         """Determinants and conditioning of K_d's blocks at any q."""

@@ -32,7 +32,7 @@ def structured(
     blocks = triangular_blocks(pattern)
     if blocks is None:
         blocks = [Block(every, every)]
-    factor = BlockFactor(blocks, pattern, dependent, found[0].shape[1])
+    factor = BlockFactor(blocks, pattern, dependent)
     seen = []
     for K in found:
         factor.factor(K)

@@ -75,7 +75,7 @@ def test_substitution_along_blocks_solves_the_system(sizes: list[int], seed: int
         U, s, Vt = np.linalg.svd(A[np.ix_(b.rows, b.columns)])
         A[np.ix_(b.rows, b.columns)] = U @ np.diag(0.5 + s) @ Vt
     B = rng.uniform(-1, 1, (len(A), 3))
-    factor = BlockFactor(blocks, pattern, np.arange(len(A)), len(A))
+    factor = BlockFactor(blocks, pattern, np.arange(len(A)))
     factor.factor(A)
     # backward stable: the residual is rounding of |A| |X|
     for right in (B, B[:, 0]):
@@ -96,7 +96,7 @@ def test_conditioning_and_determinant_of_each_block() -> None:
     A = np.zeros((7, 7))
     for b in blocks:
         A[np.ix_(b.rows, b.rows)] = rng.uniform(-1, 1, (len(b.rows), len(b.rows)))
-    factor = BlockFactor(blocks, A != 0.0, np.arange(7), 7)
+    factor = BlockFactor(blocks, A != 0.0, np.arange(7))
     factor.factor(A)
     for i, b in enumerate(blocks):
         piece = A[np.ix_(b.rows, b.rows)]
@@ -121,7 +121,7 @@ def test_long_rows_of_loops_are_solved_as_a_band() -> None:
     q = mech.generic_configurations()[0]
     path = RegularPath(mech, mech.select_rows(mech.K(mech.home)))
     K_d = mech.K(q)[path.rows][:, mech.iv_dependent]
-    factor = BlockFactor(path.blocks, K_d != 0.0, np.arange(60), 60)
+    factor = BlockFactor(path.blocks, K_d != 0.0, np.arange(60))
     factor.factor(K_d)
     B = np.random.default_rng(1).uniform(-1, 1, (60, 2))
     X = factor.solve(B)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import threading
 from collections.abc import Sequence
 from functools import cached_property
@@ -19,9 +18,6 @@ from .columns import with_simple_joints
 from .joints import Array as Array
 from .joints import Joint, carrying, in_v, joints_of
 from .workspace import workspace
-
-_placements = itertools.count()
-"""One number for each configuration that any tree places."""
 
 
 class Tree(threading.local):
@@ -53,9 +49,6 @@ class Tree(threading.local):
     v, a : ndarray (njoints, 6)
         Spatial velocity and acceleration (minus gravity) of each joint in its own frame (linear,
         angular); valid after `rnea`.
-    placed : int
-        A number of the configuration placed last, another one for each: tells whether the one that a
-        caller placed is still there, in this thread.
     q, qdot : ndarray (nq,), (nv,)
         What `jacobians` and `rnea` were last called with.
     """
@@ -73,7 +66,6 @@ class Tree(threading.local):
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
         self.zero = np.zeros(self.nv)
-        self.placed = next(_placements)
         self._carrying: dict[int, Array] = {}
         self.q: Array = pin.neutral(self.model)
         self.qdot: Array = self.zero
@@ -117,7 +109,6 @@ class Tree(threading.local):
 
     def jacobians(self, q: Array) -> None:
         """Placements and joint Jacobians at q (nq,)."""
-        self.placed = next(_placements)
         self.q = q
         pin.computeJointJacobians(self.model, self.data, q)
         pin.updateFramePlacements(self.model, self.data)
@@ -150,7 +141,6 @@ class Tree(threading.local):
         ModelError
             For an ellipsoid joint, which is no chain of simple ones.
         """
-        self.placed = next(_placements)
         self.q, self.qdot = q, v
         pin.computeJointJacobiansTimeVariation(self.model, self.data, q, v)
         pin.updateFramePlacements(self.model, self.data)
