@@ -52,7 +52,7 @@ class MapChoice:
     def over(self, start: Start) -> ExplicitMap:
         """The map on the mode of a start."""
         if isinstance(start, GroupStart):
-            return GroupMap(start.groups, self.over(start.rest), start.first)
+            return GroupMap(start.groups, self.over(start.rest), start.point)
         if self.method == "classical":
             return ClassicalMap(start.path, start.point, self.newton_start)
         if self.method == "projection" and start.mechanism.chart_joints:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Literal
 
 import numpy as np
@@ -41,13 +40,7 @@ class ClassicalMap(Unaware):
         self.path, self.anchor, self.newton_start = path, start, newton_start
         self._warned = False
 
-    def resume(
-        self,
-        anchor: Point,
-        trackers: Callable[[], Array] | None,
-        in_zone: bool | None = None,
-        met: bool | None = None,
-    ) -> None:
+    def resume(self, anchor: Point, *_: object) -> None:
         """Go on from a point that was reached elsewhere; there are no bridges here."""
         self.anchor = anchor
 

@@ -111,18 +111,12 @@ class GroupMap:
         self.anchor = self._anchor = replace(point, y=y, origin=point.q[groups.iq].copy(), rest=rest)
         return self._anchor
 
-    def resume(
-        self,
-        anchor: Point,
-        trackers: Callable[[], Array] | None,
-        in_zone: bool | None = None,
-        met: bool | None = None,
-    ) -> None:
+    def resume(self, anchor: Point, trackers: Callable[[], Array] | None, *told: bool | None) -> None:
         """Go on from a point that the kernel reached; see `ClusterMap.resume`."""
         assert isinstance(anchor, GroupPoint)
         assert isinstance(self.rest, ClusterMap | ClassicalMap)  # the kernel knows no other map
         self._anchor = anchor
-        self.rest.resume(anchor.rest, trackers, in_zone, met)
+        self.rest.resume(anchor.rest, trackers, *told)
 
     def outgrown(self, point: Point) -> bool:
         """Whether the chart ought to be renewed at a point."""

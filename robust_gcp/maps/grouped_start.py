@@ -30,13 +30,11 @@ class GroupStart(Start):
     groups : Groups
     rest : Start
         Of the mechanism without them.
-    first : GroupPoint
-        `point`, with its chart.
     """
 
+    point: GroupPoint
     groups: Groups = field(kw_only=True)
     rest: Start = field(kw_only=True)
-    first: GroupPoint = field(kw_only=True)
 
     @property
     def mechanism(self) -> Mechanism:
@@ -45,7 +43,7 @@ class GroupStart(Start):
 
     def afresh(self) -> GroupStart:
         """See `Start.afresh`."""
-        return start_on_groups(self.groups, self.rest.afresh(), self.first)
+        return start_on_groups(self.groups, self.rest.afresh(), self.point)
 
 
 def initial_point_of_motion(
@@ -56,23 +54,10 @@ def initial_point_of_motion(
     options: BridgeOptions,
     counters: Counters,
 ) -> Start:
-    """`start.begin` for any mechanism, with joints on groups or without."""
+    """`start.initial_point` for any mechanism, with joints on groups or without."""
     groups = groups_of(mechanism)
     if groups is None:
         return initial_point(mechanism, q0, v0, mode, options, counters)
-    return initial_point_with_groups(groups, q0, v0, mode, options, counters)
-
-
-def initial_point_with_groups(
-    groups: Groups,
-    q0: ArrayLike,
-    v0: ArrayLike | None,
-    mode: ArrayLike | None,
-    options: BridgeOptions,
-    counters: Counters,
-) -> GroupStart:
-    """Check the start and put it on a mode; parameters and errors are those of `start.begin`."""
-    mechanism = groups.mechanism
     q = mechanism.configuration(q0, "q0")
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
@@ -80,10 +65,9 @@ def initial_point_with_groups(
     rest = initial_point(
         groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters
     )
-    u = v[mechanism.iv_independent]
     y = np.zeros(mechanism.m)
     y[groups.rest_inputs] = rest.point.y
-    point = joined(groups, rest.point, q[groups.iq], y, u)
+    point = joined(groups, rest.point, q[groups.iq], y, v[mechanism.iv_independent])
     return start_on_groups(groups, rest, point)
 
 
@@ -97,7 +81,7 @@ def _velocities_of_rest(groups: Groups, q: Array, v: Array) -> Array:
 
 def start_on_groups(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:
     """The start of the whole from that of the rest and the first point, both checked."""
-    return GroupStart(rest.path, first, first.ydot, rest.trackers, groups=groups, rest=rest, first=first)
+    return GroupStart(rest.path, first, first.ydot, rest.trackers, groups=groups, rest=rest)
 
 
 def _of_rest(groups: Groups, mode: Array) -> Array:

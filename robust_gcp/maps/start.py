@@ -198,18 +198,14 @@ def _beside_place(
 def _picked(
     mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None
 ) -> tuple[int, Array]:
-    """The number of the mode that is named, and its tangents (nv, m)."""
-    number = _pick(mechanism, picture, v, mode)
-    return number, picture.modes[number].reshape(mechanism.nv, -1)
-
-
-def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLike | None) -> int:
-    """The number of the mode named by the caller or by the initial velocity."""
+    """The number of the mode named by the caller or by the initial velocity, and its tangents (nv, m)."""
     listed = "; ".join(f"modes[{i}] = {np.round(t, 4).tolist()}" for i, t in enumerate(picture.modes))
     bases = [t.reshape(mechanism.nv, -1) for t in picture.modes]
-    if (number := numbered(mode, len(bases))) is not None:
-        return number
-    if mode is not None:
+    if mode is None:
+        fits = [i for i, b in enumerate(bases) if np.any(v) and apart(mechanism, v[:, None], b) < SAME_MODE]
+    elif (number := numbered(mode, len(bases))) is not None:
+        fits = [number]
+    else:
         wanted = checked_mode(mechanism, mode)
         fits = [i for i, b in enumerate(bases) if apart(mechanism, wanted, b) < SAME_MODE]
         if not fits:
@@ -219,13 +215,11 @@ def _pick(mechanism: Mechanism, picture: LocalAnalysis, v: Array, mode: ArrayLik
                 f"modes {' and '.join(map(str, fits))} touch at q0 and share this tangent: name one by its "
                 f"number, mode={fits[0]}"
             )
-        return fits[0]
-    moving = [i for i, b in enumerate(bases) if np.any(v) and apart(mechanism, v[:, None], b) < SAME_MODE]
-    if len(moving) == 1:
-        return moving[0]
+    if len(fits) == 1:
+        return fits[0], bases[fits[0]]
     why = (
         "the initial velocity lies in more than one of them"
-        if moving
+        if fits
         else "the initial velocity lies in none of them"
         if np.any(v)
         else "the start is at rest"
