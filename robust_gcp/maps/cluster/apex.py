@@ -21,8 +21,8 @@ AT_MOST = 8.0
 ASKED = 0.01
 """Share of it below which no tolerance is asked for: with all, one motion in a hundred errs ten times it."""
 
-_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(5)
-"""Of Gauss' rule on (−1, 1): exact to the tenth order of the distance."""
+_POINTS, _WEIGHTS = (0.5 * values for values in np.polynomial.legendre.leggauss(5))
+"""Of Gauss' rule on (−½, ½): exact to the tenth order of the distance."""
 
 
 class BesideApex(ClusterSpace):
@@ -45,25 +45,15 @@ class BesideApex(ClusterSpace):
         """φ (rows,) relative to the apex, and K (rows, nv)."""
         away = x - self.apex
         phi = np.zeros(self.rows)
-        for point, weight in zip(_shares(), _WEIGHTS, strict=True):
-            phi += 0.5 * weight * (self.plain.K(self.apex + point * away) @ away)
+        for point, weight in zip(0.5 + _POINTS, _WEIGHTS, strict=True):
+            phi += weight * (self.plain.K(self.apex + point * away) @ away)
         return phi, self.plain.K(x)
-
-
-def _shares() -> Iterable[float]:
-    return (0.5 + 0.5 * _POINTS).tolist()
 
 
 def apex_near(here: Jet, largest_gap: float) -> Array | None:
     """The apex of an isolated cone next to a point; None where there is none."""
     found = place(here)
     return found.x if found.is_cone and found.gap <= largest_gap else None
-
-
-def apart(one: Jet, other: Jet) -> float:
-    """Sine of the largest angle between two tangent spaces."""
-    T, own = other.tangent(), one.tangent()
-    return float(np.linalg.norm(T - own @ (own.T @ T), 2))
 
 
 def rounding(points: Iterable[Jet]) -> tuple[float, float, float]:

@@ -23,6 +23,10 @@ FAR_SIDE = (0.1, 0.02)
 """Newton's first correction at the first node beyond, and at the others, in half widths."""
 
 
+FAILING = (NoBridgeError, LostError, np.linalg.LinAlgError)
+"""What an attempt at a bridge may fail by."""
+
+
 class Certified(Protocol):
     """A bridge: what it is, and how good."""
 
@@ -41,10 +45,30 @@ def rounded(numbers: Array, grid: float) -> Array:
     return np.round(numbers / grid) * grid
 
 
-def best_of(attempt: Callable[[float], B], half_widths: Sequence[float], shorter: Sequence[float] = ()) -> B:
-    """The best bridge of several half widths: the first that is good, else that of the least error.
+def best_of(
+    attempt: Callable[[float], B],
+    widths: Sequence[float],
+    good: Callable[[B], bool],
+    failing: tuple[type[Exception], ...] = FAILING,
+) -> tuple[B | None, list[Exception]]:
+    """The first of several attempts that is good, else that of the least error; and what made others fail."""
+    best: B | None = None
+    failures: list[Exception] = []
+    for width in widths:
+        try:
+            made = attempt(width)
+        except failing as failure:
+            failures.append(failure)
+            continue
+        if best is None or made.error < best.error:
+            best = made
+        if good(made):
+            break
+    return best, failures
 
-    Shorter ones are tried where none of them serves.
+
+def certified(attempt: Callable[[float], B], *half_widths: Sequence[float]) -> B:
+    """The best bridge of the first half widths that serve.
 
     Raises
     ------
@@ -52,26 +76,14 @@ def best_of(attempt: Callable[[float], B], half_widths: Sequence[float], shorter
         When no attempt earns a certificate: that of the attempt which came nearest.
     """
     # Wide bridges first: K is well conditioned at their nodes; narrow ones where the mode bends much.
-    best: B | None = None
-    failures: list[NoBridgeError] = []
-    for half_width in (*half_widths, *shorter):
-        if best is not None and half_width in shorter:
-            break
-        try:
-            made = attempt(half_width)
-        except NoBridgeError as failure:
-            failures.append(failure)
-            continue
-        except (LostError, np.linalg.LinAlgError) as lost:
-            failures.append(NoBridgeError(str(lost)))
-            continue
-        if best is None or made.error < best.error:
-            best = made
-        if made.error <= GOOD and made.kind == "transversal":
-            break
-    if best is None:
-        raise min(failures, key=lambda failure: failure.residual)
-    return best
+    failures: list[Exception] = []
+    for tried in half_widths:
+        best, failed = best_of(attempt, tried, lambda made: made.error <= GOOD and made.kind == "transversal")
+        if best is not None:
+            return best
+        failures += failed
+    nearest = min(failures, key=lambda failure: getattr(failure, "residual", np.inf))
+    raise nearest if isinstance(nearest, NoBridgeError) else NoBridgeError(str(nearest))
 
 
 def beyond(

@@ -34,6 +34,11 @@ def smallest(tangent: Array, chosen: NDArray[np.int64]) -> float:
     return float(np.linalg.svd(tangent[chosen], compute_uv=False)[-1])
 
 
+def apart(T: Array, other: Array) -> float:
+    """Sine of the largest angle between two tangent spaces, by their orthonormal bases."""
+    return float(np.linalg.norm(other - T @ (T.T @ other), 2))
+
+
 def turned_over(J: Array, other: Array) -> bool:
     """Whether a step in one chart, from J to another J, led across a fold where y turns back: det(Jᵀ J') < 0.
 

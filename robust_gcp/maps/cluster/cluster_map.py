@@ -51,6 +51,11 @@ class ClusterMap(Charted):
         the true curve; else `ObstacleError` is raised there.
     trackers : mapping of int to Tracker
         For clusters that start at a singular configuration: on the mode, at the start.
+
+    Attributes
+    ----------
+    in_zone : bool
+        Whether the point evaluated last was found cluster by cluster, beside or on a bridge.
     """
 
     def __init__(
@@ -67,7 +72,7 @@ class ClusterMap(Charted):
         self.mechanism = path.mechanism
         self.clusters = self.mechanism.clusters
         self._trackers: list[Tracker] | None = None
-        self._in_zone = False
+        self.in_zone = False
         self.anchor = start
         self._own: Point | None = start  # the anchor, where trackers are at it
         self._arriving: Callable[[], Array] | None = None
@@ -101,7 +106,7 @@ class ClusterMap(Charted):
         """
         if self.anchor is not self._own:
             self._restart()
-        point = None if self._in_zone else self._ground.step(self.anchor, y, ydot)
+        point = None if self.in_zone else self._ground.step(self.anchor, y, ydot)
         if point is None:
             self._own = None  # where it is refused, trackers may have gone some of the way: not on from there
             point = self._by_clusters(y, ydot)
@@ -109,23 +114,18 @@ class ClusterMap(Charted):
         return point
 
     @property
-    def in_zone(self) -> bool:
-        """Whether the point evaluated last was found cluster by cluster, beside or on a bridge."""
-        return self._in_zone
-
-    @property
     def on_bridge(self) -> bool:
         """Whether the point evaluated last, here, lies on a bridge."""
-        return self._in_zone and any(tracker.current is not None for tracker in self._trackers or [])
+        return self.in_zone and any(tracker.current is not None for tracker in self._trackers or [])
 
     def rounding(self) -> tuple[float, float, float]:
         """What rounding costs of G where there is no bridge, see `apex.rounding`."""
-        trackers = self._known_trackers() if self._in_zone else []
+        trackers = self._known_trackers() if self.in_zone else []
         return rounding(tracker.anchor for tracker in trackers if tracker.current is None)
 
     def beside_apex(self, mechanism: Mechanism) -> tuple[RegularPath, Point, Mapping[int, Tracker]] | None:
         """Where the map is, in the coordinates of `mechanism`; None but beside the apex of a cone."""
-        trackers = self._known_trackers() if self._in_zone else []
+        trackers = self._known_trackers() if self.in_zone else []
         return recharted(mechanism, self.path, self.anchor, trackers, self.options)
 
     @property
@@ -146,7 +146,7 @@ class ClusterMap(Charted):
         anchor = self.anchor
         found = self._ground.settled(anchor.q, anchor.y, anchor.ydot, anchor.origin)
         if found is not None:
-            self._in_zone = False
+            self.in_zone = False
             self.anchor = self._own = found
         else:
             self._enter(anchor, {})
@@ -156,7 +156,7 @@ class ClusterMap(Charted):
 
     def _enter(self, anchor: Point, known: Mapping[int, Tracker]) -> None:
         """Put every cluster's tracker on its mode."""
-        self._in_zone = True
+        self.in_zone = True
         old = self._trackers
         self._trackers = []
         for c in self.clusters:
@@ -173,7 +173,7 @@ class ClusterMap(Charted):
 
     def renewed(self, point: Point) -> Point:
         """See `ExplicitMap.renewed`; not on a bridge, which is in coordinates of its own."""
-        turning = [t for t in self._trackers or [] if self._in_zone and not t.space.flat]
+        turning = [t for t in self._trackers or [] if self.in_zone and not t.space.flat]
         if any(tracker.current is not None for tracker in turning):
             return point
         new = super().renewed(point)
@@ -189,12 +189,12 @@ class ClusterMap(Charted):
 
     def outgrown(self, point: Point) -> bool:
         """See `ExplicitMap.outgrown`."""
-        trackers = self._trackers if self._in_zone else None
+        trackers = self._trackers if self.in_zone else None
         return super().outgrown(point) or any(is_far(tracker.anchor) for tracker in trackers or [])
 
     def _by_clusters(self, y: Array, ydot: Array) -> Point:
         """The point at y as the product of the clusters' maps."""
-        if not self._in_zone:
+        if not self.in_zone:
             turn = self.path.turn(self.anchor.G @ (y - self.anchor.y))
             if turn > ONE_TURN:
                 raise too_large(self.anchor, y, turn)
@@ -205,7 +205,7 @@ class ClusterMap(Charted):
         if all(tracker.current is None for tracker in trackers):
             regular = self._ground.settled(parts[0], y, ydot, self.anchor.origin)
             if regular is not None:
-                self._in_zone = False
+                self.in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
         obstructed = any(obstacle_at(t) is not None for t in trackers)
@@ -271,7 +271,7 @@ class ClusterMap(Charted):
         says whether anything was, where that is known without them.
         """
         self.anchor, self._own, self._arriving, self._arriving_met = anchor, anchor, trackers, met
-        self._in_zone = trackers is not None if in_zone is None else in_zone
+        self.in_zone = trackers is not None if in_zone is None else in_zone
         for tracker in self._trackers or []:
             tracker.current, tracker.touched = None, []
 

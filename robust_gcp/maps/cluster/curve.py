@@ -14,7 +14,7 @@ import numpy as np
 from ...mechanism.tree.tree import Array
 from ..explicit import CrossingKind
 from .interpolation import HermiteCurve, Series
-from .jet import Jet
+from .jet import Jet, nearest_of
 from .space import ClusterSpace
 
 FARTHEST, SAME_ROOT = 4.0, 0.3
@@ -91,13 +91,6 @@ class Curve:
         """The order of contact at place i."""
         return self.orders[i] if self.orders else 1
 
-    def times_as_far(self, i: int) -> float:
-        """How many times as far as to first order place i lies, beside it: 1 where modes cross.
-
-        The order for each rank that is lost where they touch.
-        """
-        return self.orders[i] / max(self.corank[i], 1) if self.orders else 1.0
-
     def contains(self, u: float) -> bool:
         """Whether the curve is used at u."""
         return self.left <= u <= self.right
@@ -145,21 +138,26 @@ class Curve:
         second = second - J * float(C[:, 0] @ second)
         return Jet(self.space, x, C, J[:, None], second[None, None], self.through.nodes[0].P)
 
-    def is_beside(self, here: Jet) -> bool:
-        """Whether the singular place next to a point beside the curve is one of the curve's.
+    def beside(self, here: Jet) -> list[float]:
+        """How far each of its places lies from the singular place next to a point beside the curve.
 
-        Where modes are in contact of order k it lies k times as far as to first order.
+        Where modes are in contact of order k that lies k times as far as to first order, shared among the
+        ranks that are lost.
         """
-        mu = here.recharted(self.C).roots(np.ones(1))
-        if not len(mu):
-            return False
-        u, first = self.u(here.x), float(mu[np.argmin(np.abs(mu))].real)
+        u, first = self.u(here.x), nearest_of(here.recharted(self.C).roots(np.ones(1))).real
+        times = (
+            [k / max(r, 1) for k, r in zip(self.orders, self.corank, strict=True)] if self.orders else None
+        )
+        pairs = zip(times or [1.0] * len(self.roots), self.roots, strict=True)
+        return [abs(u + k * first - root) for k, root in pairs]
+
+    def is_beside(self, here: Jet) -> bool:
+        """Whether the singular place next to a point beside the curve is one of the curve's."""
+        u = self.u(here.x)
         if abs(u - self.center) > FARTHEST * (self.right - self.left):
             return False
-        return any(
-            abs(u + self.times_as_far(i) * first - root) < SAME_ROOT * abs(u - root)
-            for i, root in enumerate(self.roots)
-        )
+        pairs = zip(self.beside(here), self.roots, strict=True)
+        return any(off < SAME_ROOT * abs(u - root) for off, root in pairs)
 
     def turned(self, shift: Array) -> Curve:
         """The same curve after whole turns of revolute joints, x + shift."""

@@ -8,10 +8,19 @@ from __future__ import annotations
 import numpy as np
 
 from ...mechanism.tree.tree import Array
-from .certifying import COARSE, FINE, best_of, beyond, closure, held_out, relative, rounded
+from .certifying import COARSE, FINE, beyond, certified, closure, held_out, relative, rounded
 from .curve import Curve
 from .interpolation import HermiteCurve
-from .jet import Jet, is_singular, null_pairing, own_separation, pencil_roots, places_ahead, solved
+from .jet import (
+    Jet,
+    is_singular,
+    nearest_of,
+    null_pairing,
+    own_separation,
+    pencil_roots,
+    places_ahead,
+    solved,
+)
 from .options import BridgeOptions, NoBridgeError
 
 SHRINKS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.17, 0.12, 0.08)
@@ -27,7 +36,7 @@ REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
 
 MAX_STEPS = 400
-"""Such steps to a node: off the mode, K may lose rank ten times nearer than along it."""
+"""Such steps at once: off the mode, K may lose rank ten times nearer than along it."""
 
 
 class CurveBuilder:
@@ -55,7 +64,7 @@ class CurveBuilder:
         NoBridgeError
             When no attempt earns a certificate.
         """
-        return best_of(self._attempt, [self._zone * shrink for shrink in SHRINKS])
+        return certified(self._attempt, [self._zone * shrink for shrink in SHRINKS])
 
     def _u(self, x: Array) -> float:
         return float(self._C[:, 0] @ (x - self._reference))
@@ -89,7 +98,9 @@ class CurveBuilder:
             here = self._continued_to(here, u)
             nodes.append(here)
         far = [center - side * factor * w for factor in self._options.nodes]
-        nodes += beyond(us, nodes, far, w, lambda us, at, u: HermiteCurve(us, at).x(u), self._solve)
+        nodes += beyond(
+            us, nodes, far, w, lambda us, at, u: HermiteCurve(us, at).values_at(u)[0], self._solve
+        )
         self._left, self._right = center - w, center + w
         self._through = HermiteCurve(us + far, nodes)
 
@@ -128,9 +139,7 @@ class CurveBuilder:
                 if not self._through.reaches(u):
                     break
                 mu = self._places(u)
-                if not len(mu):
-                    break
-                step = float(mu[np.argmin(np.abs(mu))])
+                step = nearest_of(mu).real
                 u += step
                 if abs(step) >= SAME:
                     continue

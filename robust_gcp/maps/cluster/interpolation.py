@@ -43,14 +43,7 @@ class NewtonForm:
             newton.append(table[0])
         self._newton = np.array(newton)
 
-    def __call__(self, x: Array) -> Array:
-        """The functions at each x, (len(x), r)."""
-        value = np.broadcast_to(self._newton[-1], (len(x), self._newton.shape[1]))
-        for node, coefficient in zip(self._nodes[-2::-1], self._newton[-2::-1], strict=True):
-            value = value * (x - node)[:, None] + coefficient
-        return value
-
-    def with_derivatives(self, x: Array) -> tuple[Array, Array, Array]:
+    def __call__(self, x: Array) -> tuple[Array, Array, Array]:
         """f, f' and f'' at each x, (len(x), r) each."""
         value = np.broadcast_to(self._newton[-1], (len(x), self._newton.shape[1]))
         slope = bend = np.zeros_like(value)
@@ -96,25 +89,22 @@ class Series:
     Attributes
     ----------
     table : ndarray (orders, 3 nv)
-    orders : ndarray (orders,)
-        0, 1, 2, …
     middle, half : float
     """
 
     table: Array
-    orders: Array
     middle: float
     half: float
 
     @staticmethod
     def between(left: float, right: float, table: Array) -> Series:
         """The series with these coefficients between two parameters."""
-        return Series(table, np.arange(float(len(table))), 0.5 * (left + right), 0.5 * (right - left))
+        return Series(table, 0.5 * (left + right), 0.5 * (right - left))
 
     def values_at(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
         s = min(max((u - self.middle) / self.half, -1.0), 1.0)
-        values = np.cos(self.orders * acos(s)) @ self.table
+        values = np.cos(np.arange(float(len(self.table))) * acos(s)) @ self.table
         n = len(values) // 3
         return values[:n], values[n : 2 * n], values[2 * n :]
 
@@ -151,10 +141,6 @@ class HermiteCurve:
         """Whether u lies between the outermost nodes, where the polynomial holds."""
         return self.first - beyond <= u <= self.last + beyond
 
-    def x(self, u: float) -> Array:
-        """x at u."""
-        return self._form(np.array([(u - self._middle) / self._half]))[0]
-
     def values_at(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
         x, slope, bend = self.sampled(np.array([u]))
@@ -162,7 +148,7 @@ class HermiteCurve:
 
     def sampled(self, u: Array) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du², (len(u), nv) each."""
-        x, slope, bend = self._form.with_derivatives((u - self._middle) / self._half)
+        x, slope, bend = self._form((u - self._middle) / self._half)
         return x, slope / self._half, bend / self._half**2
 
     def series(self, left: float, right: float) -> Series:

@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import scipy
 
 from ...errors import SimulationError
 from ...mechanism.memo import Memo
 from ...mechanism.tree.tree import Array
-from .space import ClusterSpace
+from .space import ClusterSpace, Svd
 
 FILTER = 0.6
 """σ_min of the dimensionless K above which no distance to the singular set is computed: it is far."""
@@ -29,15 +30,6 @@ SINGULAR = 1e-9
 
 class LostError(SimulationError):
     """Newton left the mode, or there is no point of it there; a smaller step may help."""
-
-
-@dataclass(frozen=True)
-class Svd:
-    """K · balance = U S Vᵀ in full."""
-
-    U: Array
-    s: Array
-    Vt: Array
 
 
 @dataclass(frozen=True)
@@ -156,7 +148,7 @@ class Jet:
 def jet(space: ClusterSpace, x: Array, C: Array) -> Jet:
     """The jet at a closed x where K is regular: B = [P K; Cᵀ], J = B⁻¹ [0; I], Γ = −B⁻¹ [P φ''[J, J]; 0]."""
     nd, m = space.nd, space.m
-    U, s, Vt = space.factors(x)
+    U, s, Vt = svd = space.factors(x)
     P = U[:, :nd].T
     B = np.vstack([s[:nd, None] * Vt[:nd], C.T * space.balance])
     inverse = space.balance[:, None] * np.linalg.inv(B)
@@ -167,7 +159,7 @@ def jet(space: ClusterSpace, x: Array, C: Array) -> Jet:
         bend[i] = -(inverse[:, :nd] @ (rate @ J)).T
     bend = 0.5 * (bend + bend.transpose(1, 0, 2))
     sigma = float(s[nd - 1]) if nd else np.inf
-    return Jet(space, x, C, J, bend, P, sigma, Svd(U, s, Vt))
+    return Jet(space, x, C, J, bend, P, sigma, svd)
 
 
 def solve(space: ClusterSpace, x: Array, C: Array, y: Array, P: Array) -> tuple[Array, float]:
@@ -206,15 +198,18 @@ def solved(space: ClusterSpace, guess: Array, C: Array, y: Array, P: Array) -> t
     return jet(space, x, C), first
 
 
+def nearest_of(mu: Array) -> complex:
+    """The nearest of some places along a way; infinite where there is none."""
+    return complex(mu[np.argmin(np.abs(mu))]) if len(mu) else complex(np.inf)
+
+
 def pencil_roots(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> Array:
     """Places μ along `way` (dx/ds) from x where [P K; Cᵀ] loses rank, complex: B v = −μ B' v by QZ.
 
     At a transversal singularity of any corank the root is semisimple, so it is found to rounding.
     """
-    from scipy.linalg import eig
-
     B, rate = _pencil(space, P, x, way, C)
-    alpha, beta = eig(B, -rate, right=False, homogeneous_eigvals=True)
+    alpha, beta = scipy.linalg.eig(B, -rate, right=False, homogeneous_eigvals=True)
     finite = np.abs(beta) > 1e-9 * np.abs(alpha) + 1e-300
     return np.asarray(alpha[finite] / beta[finite])
 
@@ -292,7 +287,7 @@ def places_ahead(anchor: Jet, within: float, together: float) -> tuple[float, fl
     mu = mu[np.abs(mu) < within]
     if not len(mu):
         return None
-    nearest = mu[np.argmin(np.abs(mu))].real
+    nearest = nearest_of(mu).real
     near = np.abs(mu) < abs(nearest) + together
     side = mu.real[near & (mu.real * nearest > 0.0)]
     return (float(side.min()), float(side.max())) if len(side) else None

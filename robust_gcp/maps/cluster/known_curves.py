@@ -3,39 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
-from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
 from .curve import Curve
 from .curve_builder import CurveBuilder
 from .jet import Jet
 from .obstacles import Obstacle, ObstacleError, is_near_miss
 from .options import BridgeOptions, NoBridgeError
-from .patch import Follower, Patch
 from .singular_place import place
 from .space import ClusterSpace
 from .touching.meeting_ahead import TOLD, MeetingAhead, met_before, through, through_meeting, touches_ahead
 from .touching.singular_mode import OVERLAP, window
 
-F = TypeVar("F", bound=Follower)
-
 SAME = 1e-8
-"""Distance, dimensionless, within which a point lies on a line: lines are certified to less."""
+"""Distance, dimensionless, within which two singular places are one."""
 
 MAX_CURVES = 16
 """Curves kept for reuse; a mechanism that turns over meets a new one each half turn."""
-
-UPON, CLEAR = 0.1, 1.5
-"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
-it is asked for."""
-
-
-def known_to(space: ClusterSpace, options: BridgeOptions) -> KnownCurves:
-    """Curves through places where modes touch that other runs with these options have built."""
-    return KnownCurves([curve for given, curve in space.bridged if given == options])
 
 
 class KnownCurves:
@@ -61,12 +48,9 @@ class KnownCurves:
         for curve in reversed(self.curves):  # a crank comes back to the one that it used last
             turned = turned_to(curve, here.x)
             u = turned.passes(here.x)
-            if u is None:
-                continue
-            mu = here.recharted(turned.C).roots(np.ones(1))
-            first = float(mu[np.argmin(np.abs(mu))].real)  # of modes in contact, some times as far
-            off = [abs(u + turned.times_as_far(i) * first - root) for i, root in enumerate(turned.roots)]
-            if turned.contains(u) or min(off, default=np.inf) < 0.5 * zone:
+            if u is not None and (
+                turned.contains(u) or min(turned.beside(here), default=np.inf) < 0.5 * zone
+            ):
                 if turned is not curve:
                     self.keep(turned)
                 return turned, u
@@ -216,24 +200,3 @@ def _whole_turns(space: ClusterSpace, away: Array) -> Array:
         return np.zeros(len(away))
     turns = np.where(space.tree.periodic, np.round(away * space.D / (2.0 * np.pi)), 0.0)
     return np.asarray(2.0 * np.pi * turns / space.D)
-
-
-def stays_clear(here: Jet, y: Array, zone: float) -> bool:
-    """Whether y is so far on a point's side of the singular surface that no line across it would reach it."""
-    distance, way = here.nearest()  # σ grows that way, of unit arc length
-    return distance + float((here.J @ (y - here.y)) @ (here.J @ way)) > CLEAR * zone
-
-
-def passes(patch: Patch[F], here: Jet, zone: float) -> bool:
-    """Whether a line, moved there, goes through a point.
-
-    For a point at a singular place, where it does not tell its mode, and no line can be begun.
-    """
-    eta = patch.C.T @ here.x
-    if here.nearest()[0] > UPON * zone or patch.space is not here.space or not patch.contains(patch.s(eta)):
-        return False
-    try:
-        point = patch.point(eta)
-    except (SimulationError, np.linalg.LinAlgError):
-        return False
-    return point is not None and float(np.linalg.norm(point.x - here.x)) < SAME

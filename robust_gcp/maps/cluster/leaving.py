@@ -7,11 +7,13 @@ import numpy as np
 from ...errors import NotCertifiedError
 from ...mechanism.tree.tree import Array
 from ..explicit import Counters
-from .jet import Jet, LostError, jet, null_pairing, solve
+from .chart import apart
+from .curve_builder import REACH
+from .jet import Jet, LostError, null_pairing, solved
 from .obstacles import ObstacleError
 from .options import BridgeOptions
 from .space import ClusterSpace
-from .tracker import REACH, Tracker
+from .tracker import Tracker
 
 STEPS = (0.02, 0.01, 0.03, 0.005, 0.04, 0.0025)
 """First steps tried, dimensionless joint units."""
@@ -53,12 +55,10 @@ def tracker_on_mode(
                 beside = _outward(space, x, T, sign * way, step, reach)
                 tracker = Tracker(beside.recharted(C), options, reach, counters)
                 found = tracker.jet_at(C.T @ x)
-                turned = np.linalg.qr(found.J)[0]
-                off = float(np.abs(found.x - x).max())
-                apart = float(np.linalg.norm(turned - T @ (T.T @ turned), 2))
-                if off < ARRIVED and apart < 1e-4:
+                off, angle = float(np.abs(found.x - x).max()), apart(T, found.tangent())
+                if off < ARRIVED and angle < 1e-4:
                     return tracker
-                reasons.append(f"the mode passes the start at a distance of {off:.1e}, angle {apart:.1e}")
+                reasons.append(f"the mode passes the start at a distance of {off:.1e}, angle {angle:.1e}")
             except (LostError, ObstacleError, np.linalg.LinAlgError) as lost:
                 reasons.append(str(lost))
     raise NotCertifiedError(
@@ -83,12 +83,10 @@ def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, r
     """A solved point of the mode at least `reach` from the singular set, or as far as can be had."""
     guess = x + step * (T @ way)
     P = space.factors(guess)[0][:, : space.nd].T
-    closed, _ = solve(space, guess, T, T.T @ x + step * way, P)
-    if float(np.linalg.norm(closed - guess)) > OFF * step:
+    here, _ = solved(space, guess, T, T.T @ x + step * way, P)
+    if float(np.linalg.norm(here.x - guess)) > OFF * step:
         raise LostError("Newton leaves the tangent")
-    here = jet(space, closed, T)
-    turned = np.linalg.qr(here.J)[0]
-    if float(np.linalg.norm(turned - T @ (T.T @ turned), 2)) > 10.0 * step:
+    if apart(T, here.tangent()) > 10.0 * step:
         raise LostError("beside the start Newton found another mode")
     for _ in range(60):
         delta = here.delta()
@@ -97,8 +95,8 @@ def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, r
         move = REACH * min(delta, 1.0)
         pace = here.J @ way
         ahead = way * move / float(np.linalg.norm(pace))
-        x_next, first = solve(space, here.predicted(ahead), T, here.y + ahead, here.P)
+        there, first = solved(space, here.predicted(ahead), T, here.y + ahead, here.P)
         if first > 0.25 * move + 1e-14 / max(here.sigma, 1e-12):
             raise LostError("the mode cannot be followed outward")
-        here = jet(space, x_next, T)
+        here = there
     return here

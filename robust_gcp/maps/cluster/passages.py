@@ -13,7 +13,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..explicit import Crossing, Point, Stretch
 from .curve import Curve
-from .jet import is_singular, pencil_roots
+from .jet import is_singular, nearest_of, pencil_roots
 from .patch import Patch
 from .tracker import Tracker
 
@@ -120,7 +120,7 @@ def _sharpened(
         mu, _ = roots(t)
         if not len(mu):
             break
-        step = float(mu[np.argmin(np.abs(mu))])
+        step = nearest_of(mu).real
         t += step
         if not stretch.t0 - 0.6 * h <= t <= stretch.t1 + 0.6 * h or abs(step) < 1e-11 * h:
             break

@@ -7,16 +7,24 @@ open bridges of their own: surfaces that overlap become nested lines.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
+from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
 from ..explicit import CrossingKind
 from .jet import Jet, LostError
-from .line import Line
+from .line import jet_on_line
 from .space import ClusterSpace
+
+SAME = 1e-8
+"""Distance, dimensionless, within which a point lies on a line: lines are certified to less."""
+
+UPON, CLEAR = 0.1, 1.5
+"""Distances to a singular surface, in zones: up to which a point is at it, and beyond which no line across
+it is asked for."""
 
 MAX_NEWTON, CONVERGED = 12, 1e-11
 """Steps in η to the point at y, and the size of the last: Γ changes by less than its error in it."""
@@ -88,10 +96,6 @@ class Patch(Generic[F]):
     closure: float
     transversality: float
     error: float
-    _line: Line = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        self._line = Line(self.space, self.C, self.d)
 
     def twin(self) -> Patch[F]:
         """The same line with nodes of its own: they follow whoever uses it."""
@@ -139,7 +143,24 @@ class Patch(Generic[F]):
         foot = eta - s * self.d  # the line moves with the motion, each node by its own tracker
         for at, tracker in zip(self.ss, self.trackers, strict=True):
             tracker.jet_at(foot + at * self.d)
-        return self._line.jet_at(self.ss, self.nodes, s) if self.contains(s) else None
+        if not self.contains(s):
+            return None
+        nodes = [tracker.anchor for tracker in self.trackers]
+        return jet_on_line(self.space, self.C, self.d, self.ss, nodes, s)
+
+    def passes(self, here: Jet, zone: float) -> bool:
+        """Whether the line, moved there, goes through a point.
+
+        For a point at a singular place, where it does not tell its mode, and no line can be begun.
+        """
+        eta = self.C.T @ here.x
+        if here.nearest()[0] > UPON * zone or self.space is not here.space or not self.contains(self.s(eta)):
+            return False
+        try:
+            point = self.point(eta)
+        except (SimulationError, np.linalg.LinAlgError):
+            return False
+        return point is not None and float(np.linalg.norm(point.x - here.x)) < SAME
 
     def leads_to(self, here: Jet) -> bool:
         """Whether the surface next to a solved point is the one that the line crosses near its middle."""
@@ -157,7 +178,8 @@ class Patch(Generic[F]):
         half = len(self.ss) // 2
         return self.trackers[half if s > self.center else half - 1]
 
-    @property
-    def nodes(self) -> list[Jet]:
-        """The nodes' present points."""
-        return [tracker.anchor for tracker in self.trackers]
+
+def stays_clear(here: Jet, y: Array, zone: float) -> bool:
+    """Whether y is so far on a point's side of the singular surface that no line across it would reach it."""
+    distance, way = here.nearest()  # σ grows that way, of unit arc length
+    return distance + float((here.J @ (y - here.y)) @ (here.J @ way)) > CLEAR * zone

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Generic
 
 import numpy as np
 
 from ...mechanism.tree.tree import Array
-from .certifying import COARSE, best_of, beyond, closure, held_out, relative, rounded
-from .jet import Jet, null_pairing, pencil_roots, solved
-from .line import Line
+from .certifying import COARSE, beyond, certified, closure, held_out, relative, rounded
+from .jet import Jet, nearest_of, null_pairing, pencil_roots, solved
+from .line import jet_on_line
 from .obstacles import ObstacleError
 from .options import BridgeOptions, NoBridgeError
 from .patch import F, Patch
@@ -49,7 +50,6 @@ class PatchBuilder(Generic[F]):
         self._tracker, self._anchor = tracker, anchor.recharted(self._C)
         self._d = self._anchor.nearest()[1]
         self._origin = self._anchor.y
-        self._line = Line(self._space, self._C, self._d)
 
     def build(self) -> Patch[F]:
         """The best certified line of several widths.
@@ -63,9 +63,9 @@ class PatchBuilder(Generic[F]):
         mu = mu[(np.abs(mu) < 3.0 * self._zone) & (np.abs(mu.imag) < 0.5 * np.abs(mu))].real
         if not len(mu):
             raise NoBridgeError("no singular surface lies ahead")
-        self._ahead = float(mu[np.argmin(np.abs(mu))])
-        half_widths, shorter = ([self._zone * shrink for shrink in shrinks] for shrinks in (SHRINKS, SHORTER))
-        return best_of(self._attempt, half_widths, shorter)
+        self._ahead = nearest_of(mu).real
+        half_widths = ([self._zone * shrink for shrink in shrinks] for shrinks in (SHRINKS, SHORTER))
+        return certified(self._attempt, *half_widths)
 
     def _attempt(self, w: float) -> Patch[F]:
         """The line between nodes this far from the surface."""
@@ -90,7 +90,7 @@ class PatchBuilder(Generic[F]):
             self._follow(here, s)
             trackers.append(here)
         near = [tracker.anchor for tracker in trackers]
-        jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._line.jet_at(ss, nodes, s).x, self._solve)
+        jets = beyond(ss, near, far, w, lambda ss, nodes, s: self._between(ss, nodes, s).x, self._solve)
         trackers += [self._beside(jet, s, w) for jet, s in zip(jets, far, strict=True)]
         order = np.argsort(ss + far)
         self._ss, self._trackers = [(ss + far)[i] for i in order], [trackers[i] for i in order]
@@ -117,7 +117,10 @@ class PatchBuilder(Generic[F]):
 
     def _at(self, s: float) -> Jet:
         """The point at s by interpolation."""
-        return self._line.jet_at(self._ss, [tracker.anchor for tracker in self._trackers], s)
+        return self._between(self._ss, [tracker.anchor for tracker in self._trackers], s)
+
+    def _between(self, ss: Sequence[float], nodes: Sequence[Jet], s: float) -> Jet:
+        return jet_on_line(self._space, self._C, self._d, ss, nodes, s)
 
     def _zero(self, start: float) -> float:
         """Where the line meets the surface, to rounding."""
@@ -125,7 +128,7 @@ class PatchBuilder(Generic[F]):
         for _ in range(10):
             point = self._at(s)
             mu = pencil_roots(self._space, point.P, point.x, point.J @ self._d, self._C)
-            step = complex(mu[np.argmin(np.abs(mu))]) if len(mu) else np.inf
+            step = nearest_of(mu)
             s += step.real
             if not self._ss[0] <= s <= self._ss[-1]:
                 raise NoBridgeError("no singular surface lies between the nodes")

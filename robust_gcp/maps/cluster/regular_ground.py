@@ -30,18 +30,9 @@ crossing the links of a loop turn against each other by more than three joints c
 
 def same_branch(before: Point, after: Point) -> bool:
     """Whether Newton, started from the prediction, stayed on the branch of `before`."""
-    if len(after.det) == 0:
-        return True
-    conditioning = after.conditioning
-    if after.turn > FARTHEST:
+    allowed = CORRECTION * after.distance + ROUNDING / max(after.conditioning, 1e-12)
+    if len(after.det) and (after.turn > FARTHEST or after.correction > allowed):
         return False
-    if after.correction > 0.0 and after.correction > CORRECTION * after.distance + ROUNDING / max(
-        conditioning, 1e-12
-    ):
-        return False
-    if conditioning >= POOR and before.conditioning >= POOR:
-        signs = before.det * after.det
-        return bool((signs[0] if len(signs) == 1 else signs.min()) > 0.0)
     rconds = zip(before.rcond.tolist(), after.rcond.tolist(), strict=True)
     for a, b, rcond in zip(before.det.tolist(), after.det.tolist(), map(min, rconds), strict=True):
         if not a * b > 0.0:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,14 @@ RATE_STEP = 1e-2
 """Step of the eighth-order difference of the exponential map's rate: it errs by rounding."""
 
 _WEIGHTS = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 0.0, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
+
+
+class Svd(NamedTuple):
+    """K · balance = U S Vᵀ in full."""
+
+    U: Array
+    s: Array
+    Vt: Array
 
 
 class ClusterSpace:
@@ -161,10 +169,9 @@ class ClusterSpace:
         self.implicit.jacobian()
         return self.implicit.jacobian_rate(v)
 
-    def factors(self, x: Array) -> tuple[Array, Array, Array]:
+    def factors(self, x: Array) -> Svd:
         """U, s and Vᵀ of K · balance."""
-        U, s, Vt = np.linalg.svd(self.K(x) * self.balance)
-        return U, s, Vt
+        return Svd(*np.linalg.svd(self.K(x) * self.balance))
 
 
 def space_of(mechanism: Mechanism, cluster: LoopCluster, q: Array) -> ClusterSpace:

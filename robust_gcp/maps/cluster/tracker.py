@@ -6,28 +6,24 @@ import numpy as np
 
 from ...mechanism.tree.tree import Array
 from ..explicit import Counters
-from .apex import BESIDE, LEFT, BesideApex, apart, apex_near
-from .chart import turned_over
+from .apex import BESIDE, LEFT, BesideApex, apex_near
+from .chart import apart, turned_over
 from .curve import Curve
-from .jet import Jet, LostError, jet, solve
-from .known_curves import KnownCurves, known_to, passes, stays_clear
+from .curve_builder import MAX_STEPS, REACH
+from .jet import Jet, LostError, jet, solved
+from .known_curves import KnownCurves
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
 from .options import BridgeOptions, NoBridgeError
-from .patch import Patch
+from .patch import Patch, stays_clear
 from .patch_builder import PatchBuilder
 from .space import ClusterSpace
 
-REACH = 0.4
-"""Continuation step as a fraction of the distance to the singular set."""
-
 NEAR_APEX, TURNED = 0.1, 0.3
-"""The same beside the apex of a cone, and the sine by which its tangent plane may turn in such a step: two
-sheets are as near to each other there as the apex is."""
+"""In place of `REACH` beside the apex of a cone, and the sine by which its tangent plane may turn in such a
+step: two sheets are as near to each other there as the apex is."""
 
 CORRECTION = 0.25
 """Newton's first correction against the step: more is another branch."""
-
-MAX_STEPS = 400
 
 STAGES_AHEAD = 40.0
 """How many stages of a fixed step away modes must stay that veer without a crossing: 20 steps of RK4."""
@@ -59,7 +55,8 @@ class Tracker:
         self.space: ClusterSpace = anchor.space
         self.anchor, self.options, self.zone, self.counters = anchor, options, zone, counters
         self.C = anchor.C
-        self.known = known_to(self.space, options)
+        # curves through places where modes touch that other runs with these options have built
+        self.known = KnownCurves([curve for given, curve in self.space.bridged if given == options])
         self.current: Curve | Patch[Tracker] | None = None
         self.u = 0.0
         self.error_controlled = False
@@ -196,15 +193,17 @@ class Tracker:
         """One continuation step; None where Newton left the mode."""
         self.counters.marching_steps += 1
         try:
-            x, first = solve(self.space, here.predicted(step), self.C, target, here.P)
+            found, first = solved(self.space, here.predicted(step), self.C, target, here.P)
         except LostError:
             return None
         self.counters.svds += 1
-        found = jet(self.space, x, self.C)
         # rounding of φ looks like a lost branch where K is poor
         allowed = CORRECTION * size + 1e-12 + 1e-14 / max(min(here.sigma, found.sigma), 1e-12)
         lost = first > allowed or turned_over(here.J, found.J)
-        return None if lost or (isinstance(self.space, BesideApex) and apart(here, found) > TURNED) else found
+        lost = lost or (
+            isinstance(self.space, BesideApex) and apart(here.tangent(), found.tangent()) > TURNED
+        )
+        return None if lost else found
 
     # ----------------------------------------------------------------- bridges
 
@@ -243,7 +242,7 @@ class Tracker:
         if stays_clear(here, y, self.zone):
             return False
         known = self._left
-        if known is not None and passes(known, here, self.zone):
+        if known is not None and known.passes(here, self.zone):
             self.current = known
             return True
         try:

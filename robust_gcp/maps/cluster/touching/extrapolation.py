@@ -15,10 +15,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ....mechanism.tree.tree import Array
-from ..certifying import closure
+from ..certifying import best_of, closure
 from ..curve import Curve
 from ..interpolation import HermiteCurve, series
-from ..jet import Jet, LostError, jet, solve
+from ..jet import Jet, LostError, solved
 from ..options import BridgeOptions, NoBridgeError
 from ..space import ClusterSpace
 
@@ -47,18 +47,9 @@ def extrapolated(anchor: Jet, options: BridgeOptions) -> Curve:
     ------
     NoBridgeError
     """
-    best: _Attempt | None = None
-    reasons: list[str] = []
-    for share in SHARES:
-        try:
-            made = _Attempt(anchor, share, options)
-        except (NoBridgeError, LostError, np.linalg.LinAlgError) as failure:
-            reasons.append(str(failure))
-            continue
-        if best is None or made.error < best.error:
-            best = made
+    best, failures = best_of(lambda share: _Attempt(anchor, share, options), SHARES, lambda _: False)
     if best is None:
-        raise NoBridgeError(reasons[-1])
+        raise NoBridgeError(str(failures[-1]))
     return best.curve()
 
 
@@ -77,8 +68,7 @@ class _Frame:
     def node(self, guess: Array, u: float) -> tuple[Jet, float]:
         """The mode's point at u, and the size of Newton's first correction."""
         C = self.t[:, None]
-        x, first = solve(self.space, guess, C, C.T @ self.reference + u, self.P)
-        return jet(self.space, x, C), first
+        return solved(self.space, guess, C, C.T @ self.reference + u, self.P)
 
     def _B(self, x: Array) -> Array:
         return np.vstack([self.P @ self.space.K(x), self.t])

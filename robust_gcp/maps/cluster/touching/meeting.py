@@ -141,7 +141,7 @@ def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: Brid
         center = curve.values_at(curve.u0 + curve.R * float(np.mean(real)))[0]
         if np.abs(center - surface.reference).max() < SAME:
             break
-        surface = surface.about(center)
+        surface = Surface(space, center, P)
         curve = mid_curve(surface, center, 0.0)
     for R in WIDER:
         if curve.size > SLOW:

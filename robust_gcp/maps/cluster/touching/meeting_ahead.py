@@ -8,7 +8,7 @@ import numpy as np
 
 from ....mechanism.tree.tree import Array
 from ..curve import Curve
-from ..jet import Jet, LostError, solved
+from ..jet import Jet, LostError, nearest_of, solved
 from ..options import BridgeOptions, NoBridgeError
 from .extrapolation import extrapolated
 from .meeting import Meeting, meeting
@@ -113,4 +113,4 @@ def _first_order(jet: Jet, way: Array) -> float:
     mu = jet.roots(way)
     if not len(mu):
         raise LostError("no singular place lies ahead")
-    return float(mu[np.argmin(np.abs(mu))].real)
+    return nearest_of(mu).real

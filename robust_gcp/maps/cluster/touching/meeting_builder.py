@@ -11,7 +11,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ....mechanism.tree.tree import Array
-from ..certifying import closure
+from ..certifying import best_of, closure
 from ..curve import Curve
 from ..interpolation import HermiteCurve, Series, chopped, fitted, nodes, series
 from ..jet import Jet, LostError, solved
@@ -65,25 +65,17 @@ def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) 
 
 def _best(found: Meeting, side: float, way: _Through | _Round, options: BridgeOptions) -> _Branch:
     """The branch of this side, on the longest piece on which it is good, else on that of the least error."""
-    best: _Branch | None = None
-    reasons: list[str] = []
-    for share in WIDTHS:
-        try:
-            made = _Branch(found, side, way, share * way.reach, options)
-        except (LostError, np.linalg.LinAlgError) as lost:
-            reasons.append(str(lost))
-            continue
-        if best is None or made.error < best.error:
-            best = made
-        if made.error < GOOD:
-            break
-    if best is None or best.error > BAD:
-        why = (
-            reasons[-1]
-            if best is None
-            else f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed"
-        )
-        raise NoBridgeError(why)
+
+    def branch(share: float) -> _Branch:
+        return _Branch(found, side, way, share * way.reach, options)
+
+    best, failures = best_of(
+        branch, WIDTHS, lambda made: made.error < GOOD, (LostError, np.linalg.LinAlgError)
+    )
+    if best is None:
+        raise NoBridgeError(str(failures[-1]))
+    if best.error > BAD:
+        raise NoBridgeError(f"digits do not suffice: {best.error:.0e} lengths where {BAD:g} are needed")
     return best
 
 
@@ -203,7 +195,7 @@ class _Branch:
         x = self._x(s)
         first, second = (float(chebyshev.chebval(s, w)) for w in self._w[1:])
         _, pace, turn = self._way.u(p)
-        return x, *self._surface.along(x, (pace, first), (turn, second))
+        return x, *self._surface.along(x, (pace, first), (turn, second))[:2]
 
     def sampled(self, ps: Array) -> tuple[Array, Array, Array]:
         """The same at many p."""

@@ -51,7 +51,7 @@ class Surface:
     """
 
     def __init__(self, space: ClusterSpace, x: Array, P: Array) -> None:
-        self.space, self.reference, self._P = space, x, P
+        self.space, self.reference = space, x
         nd = space.nd
         U, _, Vt = np.linalg.svd(P @ space.K(x))
         self._U1, self._a, N = P.T @ U[:, : nd - 1], P.T @ U[:, nd - 1], Vt[nd - 1 :]
@@ -59,10 +59,6 @@ class Surface:
         values, vectors = np.linalg.eigh(0.5 * (form + form.T))
         bent = int(np.argmax(np.abs(values)))
         self.v, self.t = (_upright(vectors[:, i] @ N) for i in (bent, 1 - bent))
-
-    def about(self, x: Array) -> Surface:
-        """The surface with its vectors and chart about another place."""
-        return Surface(self.space, x, self._P)
 
     def u(self, x: Array) -> float:
         """Chart coordinate along the modes."""
@@ -100,14 +96,10 @@ class Surface:
             last = size
         raise LostError("no point of the surface through both modes")
 
-    def along(self, x: Array, first: tuple[float, float], second: tuple[float, float]) -> tuple[Array, Array]:
-        """x' and x'' of a curve on S through x whose (u, w) have these derivatives."""
-        return self._along(x, first, second)[:2]
-
-    def _along(
+    def along(
         self, x: Array, first: tuple[float, float], second: tuple[float, float]
     ) -> tuple[Array, Array, Array, Array]:
-        """x' and x'' of the curve, and φ' and φ'' along it."""
+        """x' and x'' of a curve on S through x whose (u, w) have these derivatives; φ' and φ'' along it."""
         K = self.space.K(x)
         frame = self._frame(K)
         J = np.linalg.solve(frame, np.concatenate([np.zeros(len(frame) - 2), first]))
@@ -117,7 +109,7 @@ class Surface:
 
     def across(self, x: Array) -> tuple[float, float, Array, Array]:
         """f_w and f_ww at x, and the derivatives z = x_w and x_ww on S."""
-        z, bend, slope, second = self._along(x, (0.0, 1.0), (0.0, 0.0))
+        z, bend, slope, second = self.along(x, (0.0, 1.0), (0.0, 0.0))
         return float(self._a @ slope), float(self._a @ second), z, bend
 
     def mid(self, x: Array, u: float) -> Array:
@@ -173,7 +165,7 @@ class MidCurve:
             at, known = [0.0], [start]  # outward, each from those before
             for i in side:
                 ahead = NewtonForm(np.array(at[-BEFORE:]), np.array(known[-BEFORE:])[:, None])
-                points[i] = surface.mid(ahead(s[i : i + 1])[0], u0 + R * s[i])
+                points[i] = surface.mid(ahead(s[i : i + 1])[0][0], u0 + R * s[i])
                 at.append(s[i])
                 known.append(points[i])
         values = [[surface.f(x), surface.across(x)[1]] for x in points]
