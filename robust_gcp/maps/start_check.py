@@ -95,7 +95,7 @@ def require_velocity_in_mode(mechanism: Mechanism, v: Array, G: Array) -> None:
     """v0 = G ẏ0 must hold on the chosen mode too, where K alone allows more."""
     scale = mechanism.column_scale
     off = np.abs((v - G @ v[mechanism.iv_independent]) / scale).max(initial=0.0)
-    if off > 10.0 * COMPATIBLE * max(np.abs(v / scale).max(initial=0.0), 1e-300) and off > 0.0:
+    if off > 10.0 * COMPATIBLE * max(np.abs(v / scale).max(initial=0.0), 1e-300):
         raise StateError(
             "v0 does not lie in the tangent space of the mode that the start is on "
             f"(v0 − G ẏ0 is {off:.3g}, scaled); give v0 along that mode, or another mode"

@@ -20,7 +20,7 @@ from .obstacles import Obstacle, ObstacleError
 from .options import LAST_RESORT, BridgeOptions
 from .passages import passages
 from .product import chart_coordinates, in_charts, is_far, product
-from .refusal import obstacle_at, refusal, toggle_at, too_large, what_stopped, where_refused
+from .refusal import refusal, toggle_at, too_large, what_stopped, where_refused
 from .regular_ground import RegularGround
 from .renewal import jet_at, recharted, tracker_at, whole_point
 from .space import space_of
@@ -208,7 +208,7 @@ class ClusterMap(Charted):
                 self.in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
-        obstructed = any(obstacle_at(t) is not None for t in trackers)
+        obstructed = any(t.obstacle is not None for t in trackers)
         conditioning = self.path.worst_conditioning(parts[0]) if obstructed else 0.0
         point = whole_point(y, ydot, parts, conditioning, len(self.path.blocks))
         if len(y) == 1:

@@ -35,8 +35,16 @@ ALONE = 0.05
 REACH = 0.4
 """Continuation step as a fraction of the distance to the singular set."""
 
+CORRECTION = 0.25
+"""Newton's first correction against the step: more is another branch."""
+
 MAX_STEPS = 400
 """Such steps at once: off the mode, K may lose rank ten times nearer than along it."""
+
+
+def leads_astray(first: float, step: float, here: Jet) -> bool:
+    """Whether Newton's first correction is so large, rounding apart, that it leads to another mode."""
+    return first > CORRECTION * step + 1e-14 / max(here.sigma, 1e-12)
 
 
 class CurveBuilder:
@@ -112,8 +120,7 @@ class CurveBuilder:
             last = abs(u - at) <= limit
             to = u if last else at + float(np.clip(u - at, -limit, limit))
             here, first = self._solve(here.predicted(np.array([to - at])), to, here.P)
-            # a correction as large as that, rounding apart, leads to another mode
-            if first > 0.25 * abs(to - at) + 1e-14 / max(here.sigma, 1e-12):
+            if leads_astray(first, abs(to - at), here):
                 raise NoBridgeError("a node beside the singular place is out of reach")
             if last:
                 return here

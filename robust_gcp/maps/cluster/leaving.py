@@ -8,7 +8,7 @@ from ...errors import NotCertifiedError
 from ...mechanism.tree.tree import Array
 from ..explicit import Counters
 from .chart import apart
-from .curve_builder import REACH
+from .curve_builder import REACH, leads_astray
 from .jet import Jet, LostError, null_pairing, solved
 from .obstacles import ObstacleError
 from .options import BridgeOptions
@@ -96,7 +96,7 @@ def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, r
         pace = here.J @ way
         ahead = way * move / float(np.linalg.norm(pace))
         there, first = solved(space, here.predicted(ahead), T, here.y + ahead, here.P)
-        if first > 0.25 * move + 1e-14 / max(here.sigma, 1e-12):
+        if leads_astray(first, move, here):
             raise LostError("the mode cannot be followed outward")
         here = there
     return here

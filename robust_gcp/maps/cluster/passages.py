@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from ...errors import SimulationError
-from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..explicit import Crossing, Point, Stretch
@@ -34,10 +33,9 @@ def passages(
     """
     found: list[Crossing] = []
     for tracker in trackers:
-        cluster = tracker.space.cluster
         for bridge in tracker.touched:
             if isinstance(bridge, Curve):
-                found += _on_curve(bridge, cluster, before, after, stretch, mechanism)
+                found += _on_curve(bridge, before, after, stretch, mechanism)
         patches = [bridge for bridge in tracker.touched if isinstance(bridge, Patch)]
         if patches:
             found += _on_patch(tracker, patches[-1], before, after, stretch, mechanism)
@@ -74,9 +72,9 @@ def _among_others(
 
 
 def _on_curve(
-    curve: Curve, cluster: LoopCluster, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
+    curve: Curve, before: Point, after: Point, stretch: Stretch, mechanism: Mechanism
 ) -> list[Crossing]:
-    space = curve.space
+    space, cluster = curve.space, curve.space.cluster
     u0, u1 = (curve.u(space.x(point.q[cluster.iq])) for point in (before, after))
     C, unit = space.chart(cluster.chosen)[:, 0], float(space.D[cluster.chosen[0]])
     shift = (

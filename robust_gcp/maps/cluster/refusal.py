@@ -30,18 +30,10 @@ def toggle_at(tracker: Tracker, reason: str = "the independent components turn b
     return Obstacle("toggle", tracker.anchor.x, 0.1, np.nan, reason)
 
 
-def obstacle_at(tracker: Tracker) -> Obstacle | None:
-    """What a tracker is at, where it has no bridge."""
-    if tracker.current is not None:
-        return None
-    at = tracker.anchor.x
-    return next((o for o in reversed(tracker.obstacles) if o.covers(at)), None)
-
-
 def what_stopped(cluster: LoopCluster, tracker: Tracker, stop: Exception) -> Obstacle:
     """What stopped a tracker: a toggle where the independent components are about to turn back."""
     here, reason = tracker.anchor.x, str(stop)
-    known = stop.obstacle if isinstance(stop, ObstacleError) else obstacle_at(tracker)
+    known = stop.obstacle if isinstance(stop, ObstacleError) else tracker.obstacle
     known = known or Obstacle("unknown", here, 0.1, np.nan, reason)
     undecided = known.kind == "unknown" or not isinstance(stop, ObstacleError)
     if undecided and quality(tracker.anchor, cluster.chosen) < POOR:
@@ -100,16 +92,19 @@ def refusal(mechanism: Mechanism, cluster: LoopCluster, obstacle: Obstacle, here
 
 
 def where_refused(mechanism: Mechanism, trackers: Sequence[Tracker], here: Point) -> SimulationError:
-    """The error for a place that cannot be passed: what a tracker is at, or a toggle in a poor chart."""
+    """The error for a place that cannot be passed: what a tracker is at, or a toggle in a poor chart.
+
+    Else that error control did not help.
+    """
     for tracker in trackers:
-        obstacle = obstacle_at(tracker)
-        if obstacle is not None:
-            return refusal(mechanism, tracker.space.cluster, obstacle, here)
+        if tracker.obstacle is not None:
+            return refusal(mechanism, tracker.space.cluster, tracker.obstacle, here)
     for tracker in trackers:
         cluster = tracker.space.cluster
         if quality(tracker.anchor, cluster.chosen) < POOR:
             return refusal(mechanism, cluster, toggle_at(tracker), here)
-    return not_followed(here)
+    words = "the motion could not be followed with error control"
+    return BranchError(f"at y = {here.y}: {words}; {SMALLER}", here.y)
 
 
 def too_large(anchor: Point, y: Array, turn: float) -> BranchError:
@@ -120,9 +115,3 @@ def too_large(anchor: Point, y: Array, turn: float) -> BranchError:
         f"motion has become unstable; {SMALLER}",
         anchor.y,
     )
-
-
-def not_followed(here: Point) -> BranchError:
-    """That error control did not help, where no obstacle says why."""
-    words = "the motion could not be followed with error control"
-    return BranchError(f"at y = {here.y}: {words}; {SMALLER}", here.y)

@@ -9,7 +9,7 @@ from ..explicit import Counters
 from .apex import BESIDE, LEFT, BesideApex, apex_near
 from .chart import apart, turned_over
 from .curve import Curve
-from .curve_builder import MAX_STEPS, REACH
+from .curve_builder import CORRECTION, MAX_STEPS, REACH
 from .jet import Jet, LostError, jet, solved
 from .known_curves import KnownCurves
 from .obstacles import APEX, CONE_WORDS, FARTHEST_LOOK, Obstacle, ObstacleError, approaching, judge
@@ -21,9 +21,6 @@ from .space import ClusterSpace
 NEAR_APEX, TURNED = 0.1, 0.3
 """In place of `REACH` beside the apex of a cone, and the sine by which its tangent plane may turn in such a
 step: two sheets are as near to each other there as the apex is."""
-
-CORRECTION = 0.25
-"""Newton's first correction against the step: more is another branch."""
 
 STAGES_AHEAD = 40.0
 """How many stages of a fixed step away modes must stay that veer without a crossing: 20 steps of RK4."""
@@ -77,8 +74,7 @@ class Tracker:
     def twin(self) -> Tracker:
         """Another one at the same point with a line of its own: the nodes of one follow whoever uses it."""
         other = self.copy()
-        if isinstance(self.current, Patch):
-            other.current = self.current.twin()
+        other.current = self.current.twin() if isinstance(self.current, Patch) else other.current
         return other
 
     def nested(self, anchor: Jet, zone: float) -> Tracker:
@@ -99,6 +95,13 @@ class Tracker:
             self.current, self.u = found
             self.anchor = found[0].jet(self.C, self.u)
         return found is not None
+
+    @property
+    def obstacle(self) -> Obstacle | None:
+        """What it is at, where it has no bridge."""
+        at = self.anchor.x
+        known = reversed(self.obstacles) if self.current is None else ()
+        return next((obstacle for obstacle in known if obstacle.covers(at)), None)
 
     def jet_at(self, y: Array) -> Jet:
         """The point at y on the mode.
@@ -181,7 +184,7 @@ class Tracker:
         """Refuse a fixed step that would pass too fast by modes that veer away from each other."""
         if self.error_controlled or here.delta() >= min(max(self.zone, STAGES_AHEAD * size), FARTHEST_LOOK):
             return
-        self._known(here)
+        self._at_obstacle()
         if self.seen is None or not self.seen.covers(here.x):
             self.seen = approaching(here, self.options)
         obstacle = self.seen
@@ -209,7 +212,7 @@ class Tracker:
 
     def _enter(self, here: Jet, y: Array) -> bool:
         """Put a bridge in use at a point in the zone, when y lies on it or beyond it."""
-        if self._known(here) is not None:
+        if self._at_obstacle():
             return False
         return self._enter_patch(here, y) if self.space.m > 1 else self._enter_curve(here, y)
 
@@ -235,15 +238,12 @@ class Tracker:
         return True
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
-        if isinstance(self.space, BesideApex):
+        if isinstance(self.space, BesideApex) or stays_clear(here, y, self.zone):
             return False
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
-        if stays_clear(here, y, self.zone):
-            return False
-        known = self._left
-        if known is not None and known.passes(here, self.zone):
-            self.current = known
+        if self._left is not None and self._left.passes(here, self.zone):
+            self.current = self._left
             return True
         try:
             patch = PatchBuilder(self, here, self.options, self.zone).build()
@@ -279,18 +279,19 @@ class Tracker:
             failure = NoBridgeError(failure.obstacle.reason)
         obstacle = judge(here, failure, self.options, self.zone)
         self.obstacles = [*self.obstacles[-MAX_STEPS:], obstacle]
-        if not self.error_controlled or obstacle.stops(here.nearest()[0], self.zone):
-            raise ObstacleError(obstacle)
+        self._require_passable(obstacle)
         return False
 
-    def _known(self, here: Jet) -> Obstacle | None:
-        """The obstacle that this point is still at; an error unless the caller controls its own."""
-        for obstacle in reversed(self.obstacles):
-            if obstacle.covers(here.x):
-                if not self.error_controlled or obstacle.stops(here.nearest()[0], self.zone):
-                    raise ObstacleError(obstacle)
-                return obstacle
-        return None
+    def _at_obstacle(self) -> bool:
+        """Whether it is at one still; an error unless the caller controls its own."""
+        obstacle = self.obstacle
+        if obstacle is not None:
+            self._require_passable(obstacle)
+        return obstacle is not None
+
+    def _require_passable(self, obstacle: Obstacle) -> None:
+        if not self.error_controlled or obstacle.stops(self.anchor.nearest()[0], self.zone):
+            raise ObstacleError(obstacle)
 
     def _touch(self, bridge: Curve | Patch[Tracker]) -> None:
         if bridge not in self.touched:

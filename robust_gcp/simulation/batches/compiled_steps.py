@@ -23,8 +23,6 @@ from ..runs.initial_state import closed_by_kernel, state_given
 AT_ONCE = 50_000_000
 """Numbers of outputs that are taken at once: below half a second, so that an interrupt is answered."""
 
-Found = tuple[int, Array, Array]
-
 
 def together(
     mechanism: Mechanism,
@@ -35,7 +33,7 @@ def together(
     times: Array,
     threads: int,
     pool: ThreadPoolExecutor,
-) -> Iterator[Found]:
+) -> Iterator[tuple[int, Array, Array]]:
     """Number, q and v of each start that stays on regular ground; nothing where no steps are compiled.
 
     Parameters

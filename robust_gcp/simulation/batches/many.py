@@ -210,21 +210,20 @@ class _Plain(threading.local):
         step: float,
         given_up: threading.Event,
     ) -> None:
-        self._mechanism, self._times, self._given_up, self._library = mechanism, times, given_up, library
+        self._mechanism, self._times, self._given_up = mechanism, times, given_up
         works = does_work(mechanism, torque)
         self._workspace = Workspace(library, mechanism, path, torque, works)
         self._wanted = (*record, "work") if works else tuple(record)
         self._redundant = mechanism.nc > path.nd
         # in zones of several coordinates these are looked at, which `simulate` does
         self._single = all(cluster.m == 1 for cluster in path.mechanism.clusters)
-        self._options, self._torque = USUAL, torque
-        self._coarse, self._acted = Coarse(mechanism, step), Acted(torque)
+        self._torque, self._coarse, self._acted = torque, Coarse(mechanism, step), Acted(torque)
 
     def run(self, q0: ArrayLike | None, v0: ArrayLike | None) -> Trajectory | None:
         """The motion from a start, or None where `simulate` has to look at it."""
         mechanism, times = self._mechanism, self._times
         q, v = state_given(mechanism, q0, v0)
-        options, zone = self._options, self._options.zone
+        options, zone = USUAL, USUAL.zone
         beside = options if self._single else None
         begun = closed_by_kernel(self._workspace, mechanism, q, v, zone, options=beside)
         if begun is None:
@@ -272,8 +271,8 @@ class _Plain(threading.local):
         mechanism, times, last = self._mechanism, self._times, len(self._times) - 1
         if self._redundant or self._wanted:
             return
-        path, torque = self._workspace.path, self._torque
-        for i, q, v in together(mechanism, self._library, path, starts, torque, times, threads, pool):
+        space, torque = self._workspace, self._torque
+        for i, q, v in together(mechanism, space.library, space.path, starts, torque, times, threads, pool):
             stats = Stats(rhs=1 + 4 * last, native_steps=last)
             run = Trajectory(mechanism, times.copy(), q, v, stats=stats, acted=self._acted)
             self._coarse.judge(run)

@@ -234,11 +234,11 @@ class _Attempt:
         assert best is not None
         return best[1]
 
-    def _at(self, p: float) -> tuple[Array, Array, Array]:
-        """x with its derivatives at u = c + p."""
+    def _at(self, p: float | Array) -> tuple[Array, Array, Array]:
+        """x with its derivatives at u = c + p, or at many."""
         z, w = p / self._w, self._w
         tables = self._table, self._slope / w, self._second / w**2
-        x, slope, bend = (np.asarray(chebyshev.chebval(z, table)) for table in tables)
+        x, slope, bend = (np.ascontiguousarray(chebyshev.chebval(z, table).T) for table in tables)
         return x, slope, bend
 
     def curve(self) -> Curve:
@@ -249,11 +249,6 @@ class _Attempt:
         left, right = self._c - inner, self._c + inner
         star = self._at(0.0)[0]
         singular = int(np.sum(space.factors(star)[1][: space.nd] < 1e-6))
-
-        def sampled(us: Array) -> tuple[Array, Array, Array]:
-            x, slope, bend = zip(*[self._at(u - self._c) for u in us.tolist()], strict=True)
-            return np.array(x), np.array(slope), np.array(bend)
-
         return Curve(
             space,
             frame.t[:, None],
@@ -269,5 +264,5 @@ class _Attempt:
             self.error,
             np.zeros(space.nv),
             (self.order,),
-            series(sampled, left, right, POINTS),
+            series(lambda u: self._at(u - self._c), left, right, POINTS),
         )
