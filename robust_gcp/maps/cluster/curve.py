@@ -145,11 +145,9 @@ class Curve:
         ranks that are lost.
         """
         u, first = self.u(here.x), nearest_of(here.recharted(self.C).roots(np.ones(1))).real
-        times = (
-            [k / max(r, 1) for k, r in zip(self.orders, self.corank, strict=True)] if self.orders else None
-        )
-        pairs = zip(times or [1.0] * len(self.roots), self.roots, strict=True)
-        return [abs(u + k * first - root) for k, root in pairs]
+        ranks = [max(r, 1) for r in self.corank]  # where modes cross the order is one for each
+        places = zip(self.roots, self.orders or ranks, ranks, strict=True)
+        return [abs(u + k / r * first - root) for root, k, r in places]
 
     def is_beside(self, here: Jet) -> bool:
         """Whether the singular place next to a point beside the curve is one of the curve's."""
