@@ -229,6 +229,7 @@ class Mechanism(FromFiles):
             tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
         made = cls._over(loops, contents, independent, home, name or str(contents.model.name))
         made.left_out += tuple(left_out)
+        made.parts = ()  # stops and dry friction of a file act where `load` is asked for them
         made.keyframes = keyframes_of(made, contents.keyframes.items(), contents.velocities)
         made.sensors = Sensors({sensor.name: sensor for sensor in contents.sensors})
         made.moved = contents.moved

@@ -195,7 +195,7 @@ def constants(header: str) -> dict[str, float]:
         ("patch.h", ["maps.cluster.known_curves", "maps.cluster.patch"]),
         ("curve.h", ["maps.cluster.curve"]),
         ("curve_builder.h", ["maps.cluster.curve_builder"]),
-        ("tracker.h", ["maps.cluster.tracker", "maps.cluster.apex", "maps.cluster.known_curves"]),
+        ("tracker.h", ["maps.cluster.tracker", "maps.cluster.apex", "maps.cluster.patch"]),
         ("chart.h", ["maps.cluster.chart"]),
         ("clusters.cpp", ["maps.cluster.cluster_map", "maps.cluster.regular_ground"]),
         ("motion.h", ["dynamics.reduced_inertia"]),
