@@ -18,7 +18,7 @@ from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import FORM, NEARLY_CLOSED, RANK
 from ..mechanism.tree.tree import Array
 from .second_order import bending, bending_along, curvature, second_order_forms
-from .tangent_cone import is_definite, linear_modes, polished, rank_two_forms
+from .tangent_cone import in_order, is_definite, linear_modes, polished, rank_two_forms
 from .touching_modes import contact_at
 
 if TYPE_CHECKING:
@@ -28,6 +28,8 @@ Kind = Literal["regular", "redundant", "singular", "cusp", "isolated", "inside",
 
 MAX_COMBINATIONS = 256
 """Modes enumerated when several loops are singular at once; 2 for each loop."""
+
+NOTHING = "no direction passes second order: an isolated point"
 
 
 @dataclass(frozen=True)
@@ -52,7 +54,8 @@ class LocalAnalysis:
         Second-order forms Q_u = Nᵀ (uᵀ φ'') N of the singular left null vectors u, N the kernel.
     modes : tuple of ndarray
         The tangent cone: one array a mode that passes through q. A direction (nv,) for mobility 1,
-        largest entry ±1 and first non-zero entry positive; else an orthonormal basis (nv, m).
+        largest entry ±1 and first non-zero entry positive; else an orthonormal basis (nv, m). Numbered as
+        `tangent_cone.in_order` says.
     message : str
         The picture in words.
     contacts : tuple of (int, int, int)
@@ -176,6 +179,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
     else:
         kind, modes, words = _coupled(forms, kernel)
     if modes:
+        modes = in_order(modes, mechanism.column_scale)
         generic = rank + kernel.shape[1] - min(_dimension(mode) for mode in modes)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode
@@ -242,11 +246,7 @@ def _factored(
     if undecided:
         words = "the loops' second-order conditions are not independent: not decided at second order"
         return "not certified", tuple(modes), words
-    return (
-        "singular" if modes else "isolated",
-        tuple(modes),
-        "no direction passes second order: an isolated point",
-    )
+    return ("singular" if modes else "isolated"), tuple(modes), NOTHING
 
 
 def _told(undecided: LocalAnalysis, met: Contact) -> LocalAnalysis:
@@ -277,17 +277,13 @@ def _dimension(mode: Array) -> int:
 def _coupled(forms: list[Array], kernel: Array) -> tuple[Kind, tuple[Array, ...], str]:
     """The modes of forms that do not come apart into one form of rank two for each loop."""
     found, more = linear_modes(forms)
-    modes = sorted((_direction(kernel @ T) for T in found), key=lambda t: np.round(t, 6).ravel().tolist())
+    modes = [_direction(kernel @ T) for T in found]
     if more or (not modes and not is_definite(forms)):
         words = "second order leaves directions of motion undecided" + (
             f" besides the {len(modes)} modes that it certifies" if modes else ""
         )
         return "not certified", tuple(modes), words
-    return (
-        "singular" if modes else "isolated",
-        tuple(modes),
-        "no direction passes second order: an isolated point",
-    )
+    return ("singular" if modes else "isolated"), tuple(modes), NOTHING
 
 
 def _direction(basis: Array) -> Array:

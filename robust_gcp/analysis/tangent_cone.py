@@ -7,6 +7,7 @@ the same. So nothing here asks which closure a form came from.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cmp_to_key
 
 import numpy as np
 
@@ -15,6 +16,9 @@ from ..mechanism.tree.tree import Array
 
 TRANSVERSAL = 1e-4
 """Smallest singular value of the stacked Q_k(w, ·), relative to the forms, of a certified mode."""
+
+SAME = 1e-6
+"""Difference of shares of a motion, or of tangents, that does not count."""
 
 TRIES = 60
 """Random starts at least, and for each thing found so far a fifth of them more, before a search ends."""
@@ -102,6 +106,32 @@ def linear_modes(forms: Sequence[Array]) -> tuple[list[Array], bool]:
         if not any(np.linalg.norm(T - known @ (known.T @ T), 2) < 1e-6 for known in found):
             found.append(T)
     return found, more
+
+
+def in_order(modes: Sequence[Array], scale: Array) -> tuple[Array, ...]:
+    """The modes as they are numbered, by what they are and not by how a decomposition came to them.
+
+    Those of more freedoms come first; then those in which the first joint has the larger share of the
+    motion, or the second one where these are equal, and so on; then by the signs with which joints move.
+
+    Parameters
+    ----------
+    modes : sequence of ndarray (nv,) or (nv, m)
+    scale : ndarray (nv,)
+        Velocities of unit size.
+    """
+
+    def told(mode: Array) -> Array:
+        Q = np.linalg.qr(mode.reshape(len(scale), -1) / scale[:, None])[0]
+        P = Q @ Q.T  # the same in any basis
+        return np.concatenate([[-Q.shape[1]], -np.diag(P), P.ravel()])
+
+    def compared(one: tuple[Array, Array], other: tuple[Array, Array]) -> int:
+        apart = one[0] - other[0]
+        return int(np.sign(apart[np.argmax(np.abs(apart) > SAME)]))
+
+    pairs = sorted(((told(mode), mode) for mode in modes), key=cmp_to_key(compared))
+    return tuple(mode for _, mode in pairs)
 
 
 def is_definite(forms: Sequence[Array]) -> bool:

@@ -442,3 +442,47 @@ def test_sarrus_flat_has_its_own_mode_and_one_of_idle_legs() -> None:
     np.testing.assert_allclose(lift, [0.5, -1.0, 0.5, 0.5, -1.0], atol=1e-9)
     with pytest.raises(rg.NotCertifiedError, match="dimension 2"):
         rg.simulate(up, flat, v0=idle @ [1.0, 0.0], duration=0.1)
+
+
+# --------------------------------------------------------------------------- numbers
+
+
+@pytest.mark.parametrize(
+    "mech",
+    (
+        linkages.four_bar(1.0, 1.0, 1.0, 1.0),
+        linkages.four_bar(2.0, 1.0, 2.0, 1.0),
+        linkages.n_four_bar(3, angle=0.0),
+        linkages.swinging_four_bar(1.0, 1.0, 1.0, 1.0, swing=0.3, y=0.5),
+    ),
+    ids=lambda mech: mech.name or "four-bar",
+)
+def test_modes_keep_their_numbers_whatever_the_decompositions_say(
+    mech: rg.Mechanism, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Signs of eigenvectors and bases of kernels are an accident of a machine's LAPACK."""
+    q = mech.home if mech.nv > 4 else np.zeros(mech.nv)
+    usual = rg.analyse(mech, q).modes
+    eigh, svd = np.linalg.eigh, np.linalg.svd
+    rng = np.random.default_rng(2)
+
+    def turned_eigh(A: Array) -> tuple[Array, Array]:
+        values, vectors = eigh(A)
+        return values, vectors * rng.choice([-1.0, 1.0], vectors.shape[-1])
+
+    def turned_svd(A: Array, **options: bool) -> object:
+        found = svd(A, **options)
+        if options.get("compute_uv") is False or A.ndim > 2:
+            return found
+        U, s, Vt = found
+        signs = rng.choice([-1.0, 1.0], max(len(U.T), len(Vt)))
+        return U * signs[: len(U.T)], s, Vt * signs[: len(Vt), None]
+
+    monkeypatch.setattr(np.linalg, "eigh", turned_eigh)
+    monkeypatch.setattr(np.linalg, "svd", turned_svd)
+    for _ in range(8):
+        again = rg.analyse(mech, q).modes
+        assert len(again) == len(usual) > 1
+        for one, other in zip(again, usual, strict=True):
+            span, expected = (np.linalg.qr(t.reshape(mech.nv, -1))[0] for t in (one, other))
+            assert np.abs(span @ span.T - expected @ expected.T).max() < 1e-9

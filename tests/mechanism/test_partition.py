@@ -19,6 +19,7 @@ from robust_gcp.mechanism.coordinates.partition import (
     independent_rows,
     numerical_rank,
     ranked_choices,
+    spanning,
     triangular_blocks,
 )
 
@@ -278,3 +279,17 @@ def test_redundant_rows_and_blocks_that_are_regular_in_turn() -> None:
     turns = (regular, singular), (singular, regular)
     assert is_determined([np.block([[a, none], [none, b]]) for a, b in turns])
     assert not is_determined([np.block([[singular, none], [none, regular]])])
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10_000), n=st.integers(2, 12), m=st.integers(1, 6))
+def test_of_joints_that_serve_equally_the_first_are_taken(seed: int, n: int, m: int) -> None:
+    """Whatever basis of the motions a decomposition came to: rows that come twice, in any basis."""
+    rng = np.random.default_rng(seed)
+    half = rng.normal(size=(n, m))
+    T = np.vstack([half, half * rng.choice([-1.0, 1.0], (n, 1))])
+    for _ in range(4):
+        turned = T @ np.linalg.qr(rng.normal(size=(m, m)))[0]
+        chosen = spanning(turned, min(n, m))
+        assert all(row < n for row in chosen), chosen
+        assert chosen == spanning(T, min(n, m))

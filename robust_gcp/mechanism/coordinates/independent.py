@@ -6,7 +6,6 @@ import logging
 from collections.abc import Sequence
 
 import numpy as np
-import scipy
 
 from ...errors import ClosureError, PartitionError
 from ..assembly.assembly import assembled, free_velocities
@@ -17,7 +16,7 @@ from ..tolerances import CLOSED, DETERMINES, RANK, STRUCTURAL
 from ..tree.joints import in_v
 from ..tree.tree import Array
 from .coordinates import COMPONENT, Coordinates
-from .partition import independent_rows, numerical_rank, spelled, triangular_blocks
+from .partition import independent_rows, numerical_rank, spanning, spelled, triangular_blocks
 
 log = logging.getLogger(__name__)
 
@@ -107,8 +106,7 @@ def completed(
     rest = np.setdiff1d(np.arange(loops.nv), rows)
     Q = np.linalg.qr(T[rows].T)[0]
     left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]
-    pivots = scipy.linalg.qr(left.T, mode="economic", pivoting=True)[2][: T.shape[1] - len(rows)]
-    added = sorted(rest[pivots].tolist())
+    added = sorted(rest[spanning(left, T.shape[1] - len(rows))].tolist())
     names = [*kept, *(numbers[i].name for i in added)]
     quality = float(np.linalg.svd(T[[*rows, *added]], compute_uv=False).min(initial=1.0))
     log.info("%s: independent %s (conditioning %.2g)", name, ", ".join(names), quality)

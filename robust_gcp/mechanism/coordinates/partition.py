@@ -18,6 +18,9 @@ from ..tree.joints import Array, Index
 MAX_ENUMERATED = 2000
 """Sets of joints examined one by one before a rank-revealing choice takes over (a few ms)."""
 
+TIE = 1e-9
+"""Share by which a joint is preferred to the next one: above rounding, below any difference that matters."""
+
 
 @dataclass(frozen=True)
 class Block:
@@ -100,6 +103,17 @@ def spelled(choices: Sequence[Sequence[str]]) -> str:
     return ", or ".join(" + ".join(names) for names in choices) or "none"
 
 
+def spanning(vectors: Array, count: int) -> list[int]:
+    """Which of the rows span most, one after the other by pivoted QR; of equal ones the first.
+
+    Without a preference the last bits of a machine's LAPACK would decide between equal ones, such as the two
+    spins of a rod between spherical joints.
+    """
+    first = 1.0 - TIE * np.arange(len(vectors))
+    pivots = scipy.linalg.qr((vectors * first[:, None]).T, mode="economic", pivoting=True)[2]
+    return [int(pivot) for pivot in pivots[:count]]
+
+
 def ranked_choices(
     kernel: Array, candidates: Index, names: list[str], limit: int = 5, weight: Array | float = 1.0
 ) -> list[tuple[float, tuple[str, ...]]]:
@@ -123,8 +137,7 @@ def ranked_choices(
     if comb(len(candidates), m) <= MAX_ENUMERATED:
         sets: list[tuple[int, ...]] = list(combinations(range(len(candidates)), m))
     else:
-        _, _, pivots = scipy.linalg.qr((weight * kernel[candidates]).T, mode="economic", pivoting=True)
-        sets = [tuple(sorted(int(p) for p in pivots[:m]))]
+        sets = [tuple(sorted(spanning(weight * kernel[candidates], m)))]
     scored = []
     for chosen in sets:
         quality = float(np.linalg.svd(kernel[candidates[list(chosen)]], compute_uv=False)[-1])
