@@ -192,15 +192,24 @@ def _look() -> tuple[Library | None, str]:
 def _installed(name: str) -> Path:
     """A file beside this one; an editable installation keeps built files in another folder.
 
-    A checkout without a build of its own takes the kernel that was installed from it.
+    A checkout without a build of its own takes the kernel that was installed from it. What is there once is
+    not looked for again.
     """
     import robust_gcp.kernel as package
 
     folders = tuple(package.__path__)
-    found = _first(name, folders)
-    if found is None and name == NAME and _first(REPORT, folders) is None:
-        found = _of_another(tuple(sys.path))
+    if (name, folders) in _FOUND:
+        return _FOUND[name, folders]
+    own, report = (
+        next((path for f in folders if (path := Path(f) / n).exists()), None) for n in (name, REPORT)
+    )
+    found = own or (_of_another(tuple(sys.path)) if name == NAME and report is None else None)
+    if own is not None:
+        _FOUND[name, folders] = own
     return found or Path(__file__).parent / name
+
+
+_FOUND: dict[tuple[str, tuple[str, ...]], Path] = {}
 
 
 @functools.cache
@@ -214,19 +223,6 @@ def _of_another(entries: tuple[str, ...]) -> Path | None:
         if own is not None and _report(folder / REPORT).get("sources") == own and (folder / NAME).exists():
             return folder / NAME
     return None
-
-
-def _first(name: str, folders: tuple[str, ...]) -> Path | None:
-    """The first such file in these folders; remembered once it was there."""
-    if (name, folders) not in _FOUND:
-        found = next((Path(f) / name for f in folders if (Path(f) / name).exists()), None)
-        if found is None:
-            return None
-        _FOUND[name, folders] = found
-    return _FOUND[name, folders]
-
-
-_FOUND: dict[tuple[str, tuple[str, ...]], Path] = {}
 
 
 @functools.cache

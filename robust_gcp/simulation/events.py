@@ -18,6 +18,7 @@ import scipy
 
 from ..checks import check_callable, check_number, listed, shown
 from ..errors import OptionError
+from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from ..user_functions import returned
 
@@ -177,6 +178,14 @@ class Events:
             kept = sum(when <= t for when in times)
             del self.t[k][kept:], self.q[k][kept:], self.v[k][kept:]
 
+    def found(self, mechanism: Mechanism) -> tuple[list[Array], list[Array], list[Array]]:
+        """Times (k,), q (k, nq) and v (k, nv) of each."""
+        return (
+            [np.array(times) for times in self.t],
+            [np.array(q).reshape(-1, mechanism.nq) for q in self.q],
+            [np.array(v).reshape(-1, mechanism.nv) for v in self.v],
+        )
+
     @property
     def ended(self) -> bool:
         """Whether one of them ended the run."""
@@ -218,6 +227,10 @@ class Events:
 
         xtol = 4.0 * float(np.spacing(max(abs(step.t0), abs(step.t1))))
         return float(scipy.optimize.brentq(value, step.t0, step.t1, xtol=xtol, rtol=RTOL))
+
+
+NO_EVENTS = Events((), 0.0, 0.0)
+"""Of runs that look for none."""
 
 
 def _value(event: Event, k: int, t: float, q: Array, v: Array) -> float:

@@ -173,8 +173,11 @@ def simulate(
     duration = last_output(outputs, t0) if duration is None else duration
     duration, step = mechanism.recommended.run(duration, step)
     schedule, step = planned(t0, duration, step, outputs, fixed)
-    mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
-    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drives is None else v0
+    drives = None
+    if drive is not None or mechanism.moved:
+        mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
+    if v0 is None and q0 is None and mode is None and drives is None:
+        v0 = mechanism.recommended.v0
     check_choice("method", method, METHODS)
     on_toggle = checked_toggle(on_toggle, method, drives is not None)
     check_choice("newton_start", newton_start, ("tangent", "previous"))
@@ -197,17 +200,19 @@ def simulate(
         )  # fmt: skip
     all_of_it = drives is not None and not len(drives.free)
     choice = MapChoice(method, options, newton_start, threshold, not fixed, all_of_it)
-    held = HeldTorque.of(mechanism, applied, ctrl, schedule.times) if hold else None
-    applied = with_control(mechanism, applied, None if hold else ctrl, schedule.times)
+    acting: Torque | ArrayLike | None = applied
+    if hold:
+        acting = HeldTorque.of(mechanism, applied, ctrl, schedule.times) or applied
+    elif ctrl is not None:
+        acting = applied = with_control(mechanism, applied, ctrl, schedule.times)
     solver = None if fixed else (str(stepper), rtol, atol)
-    acted = Acted.driven(drives, applied, tuple(wrenches))
     asked = record, checked_events(events)
     parts = mechanism.parts if joints is None else parts_given(joints)
     course = Course(
-        mechanism, schedule, duration, step, choice, drives, tableau, solver, acted, *asked, on_toggle,
+        mechanism, schedule, duration, step, choice, drives, tableau, solver, Acted(applied, tuple(wrenches)),
+        *asked, on_toggle,
         restitution=checked_cusp(on_cusp, parts),
     )  # fmt: skip
-    acting = applied if held is None else held
     refused = {
         f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
         "drive=": drives is not None,

@@ -119,8 +119,7 @@ class StepwisePlan:
     def _course(self, mechanism: Mechanism, drives: Drive | None, outputs: int) -> Course:
         """What a run is to do, with room for so many outputs."""
         toggle = checked_toggle(None, self.choice.method, drives is not None)
-        acted = Acted.driven(drives, wrenches=tuple(self.wrenches))
         return Course(
             mechanism, Schedule.every(self.clock(0, outputs)), self.step, self.step, self.choice, drives,
-            "rk4", None, acted, self.record, self.events, toggle, keep=self.keep,
+            "rk4", None, Acted(None, tuple(self.wrenches)), self.record, self.events, toggle, keep=self.keep,
         )  # fmt: skip

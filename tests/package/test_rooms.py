@@ -86,5 +86,5 @@ def test_a_call_can_be_followed() -> None:
     finally:
         sys.setprofile(None)
     files = {file for file, _ in entered}
-    assert 10 < len(files) <= 44, sorted(files)
-    assert len(entered) <= 180, sorted(entered)
+    assert 10 < len(files) <= 39, sorted(files)
+    assert len(entered) <= 150, sorted(entered)

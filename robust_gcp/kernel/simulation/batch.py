@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import functools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -37,8 +38,6 @@ def counted(request: Request) -> dict[str, int]:
 
 def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Crossing]:
     """What was passed last; `numbers` are the places of y in q."""
-    if not request.logged:
-        return []
     shape = (int(request.logged), 8 + nq)
     log = np.ctypeslib.as_array(ctypes.cast(request.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
     return [
@@ -57,8 +56,17 @@ def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Cro
     ]
 
 
-def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
-    """The choices of the bridges as plain numbers; `last_resort` as of `ClusterMap`."""
+@functools.lru_cache
+def bridging(options: BridgeOptions, last_resort: float, error_controlled: bool = False) -> Arrays:
+    """The choices of the bridges as plain numbers, which nobody changes.
+
+    Parameters
+    ----------
+    last_resort : float
+        As of `ClusterMap`.
+    error_controlled : bool
+        Whether whoever asks controls the error.
+    """
     numbers = Arrays(
         Bridging(
             count=len(options.nodes),
@@ -68,6 +76,7 @@ def bridging(options: BridgeOptions, last_resort: float) -> Arrays:
             geometric_tolerance=options.geometric_tolerance,
             transversality=options.transversality,
             last_resort=last_resort,
+            error_controlled=error_controlled,
         )
     )
     numbers.reals(nodes=options.nodes)
@@ -250,7 +259,6 @@ class Choices:
         if guard is not None:
             self._guarded = guard.structure
             request.guard = ctypes.addressof(self._guarded.structure)
-        self._bridging: tuple[BridgeOptions, Arrays] | None = None
         self._watch: Watch | None = None
 
     def make(
@@ -267,15 +275,11 @@ class Choices:
         if control is not None:
             error_controlled, r.solver = True, address(dop853())
             r.rtol, r.atol, r.safe_from = control
-        r.bridging = None if options is None else ctypes.pointer(self._structure(options, error_controlled))
+        r.bridging = None
+        if options is not None:
+            self._bridging = bridging(options, self._last_resort, error_controlled)
+            r.bridging = ctypes.pointer(self._bridging.structure)
         self._watch = watch
         r.sizes = r.uneven = None
         if watch is not None:
             r.sizes, r.limit, r.uneven = address(watch.sizes), watch.limit, address(watch.uneven)
-
-    def _structure(self, options: BridgeOptions, error_controlled: bool) -> ctypes.Structure:
-        if self._bridging is None or self._bridging[0] is not options:
-            self._bridging = options, bridging(options, self._last_resort)
-        structure = self._bridging[1].structure
-        structure.error_controlled = error_controlled
-        return structure

@@ -125,7 +125,8 @@ class NativeSteps:
     @property
     def asks(self) -> bool:
         """Whether a function of the user's is asked for the torque."""
-        return is_asked(self._torque) and not isinstance(self._torque, HeldTorque)
+        torque = self._torque
+        return callable(torque) and is_asked(torque) and not isinstance(torque, HeldTorque)
 
     def release(self) -> None:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""
@@ -224,8 +225,10 @@ class NativeSteps:
 
     def _at(self, motion: Problem) -> tuple[Workspace | None, Callable[[], Array] | None]:
         """The workspace where a motion is, None where the kernel cannot go on; and trackers in a zone."""
-        there, trackers = zone_of(motion)
-        return (self.prepare(motion.mechanism, motion.path), trackers) if there else (None, None)
+        trackers = motion.trackers
+        if trackers is not None and not follows_zones(motion.path):
+            return None, None
+        return self.prepare(motion.mechanism, motion.path), trackers
 
     def settled(self, begun: int, reached: int) -> Batch:
         """What prepared steps came to; see `Workspace.settled`."""
@@ -236,12 +239,6 @@ class NativeSteps:
 def most_steps(mechanism: Mechanism) -> int:
     """Steps that are taken at once."""
     return max(1, BATCH // mechanism.nv)
-
-
-def zone_of(motion: Problem) -> tuple[bool, Callable[[], Array] | None]:
-    """Whether the kernel follows what is where a motion is; and, in a zone, the trackers there."""
-    trackers = motion.trackers
-    return trackers is None or follows_zones(motion.path), trackers
 
 
 def limits_of(choice: MapChoice) -> tuple[BridgeOptions | None, float]:

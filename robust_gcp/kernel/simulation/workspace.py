@@ -227,7 +227,7 @@ class Workspace:
     @property
     def passed(self) -> list[Crossing]:
         """Singular places that were passed last."""
-        return crossings(self.request, self._nq, self._numbers_in_q)
+        return crossings(self.request, self._nq, self._numbers_in_q) if self.request.logged else []
 
     def look(self, t: float, now: Evaluation) -> Evaluation | None:
         """The last batch's last state under the torque that is held now; None where that is not known."""

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
+from ...kernel.description import follows_zones
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
 from ...kernel.simulation.guard import Watch
 from ...kernel.simulation.row_state import RowState, Standing
 from ...kernel.simulation.rows import MotionRows
-from ...kernel.simulation.steps import limits_of, zone_of
+from ...kernel.simulation.steps import limits_of
 from ...kernel.structures import Reason
 from ...maps.cluster.options import BridgeOptions
 from ...maps.explicit import Counters
@@ -137,8 +138,10 @@ class BatchCharts:
 
         `watch` tells up to where these serve.
         """
-        there, trackers = zone_of(motion)
-        c = self._chart(motion.mechanism, motion.path, *limits_of(motion.choice)) if there else None
+        trackers = motion.trackers
+        if trackers is not None and not follows_zones(motion.path):
+            return None
+        c = self._chart(motion.mechanism, motion.path, *limits_of(motion.choice))
         if c is None:
             return None
         return c, self._charts[c].standing_at(x, now, None if trackers is None else trackers(), watch)

@@ -97,8 +97,9 @@ class Machines:
             return np.zeros((len(t), 0))
         if self.held is not None and self.held.powered is not None:
             return np.array([self.held.u(when) for when in t.tolist()]).reshape(len(t), n)
-        found = controls_along(self.torque, t, q, v)
-        return np.full((len(t), n), np.nan) if found is None else found
+        if isinstance(self.torque, Actuated):
+            return controls_along(self.torque, t, q, v)
+        return np.full((len(t), n), np.nan)
 
     def of(self, phase: Phase, here: Array) -> Mechanism | None:
         """The mechanism of a phase that begins at the configuration `here`; None where nothing can move."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -117,9 +117,15 @@ class Course:
         begun = time.perf_counter()
         motion, native, stability = self.begun(start, torque, kernel, required)
         # By its Jacobian at the start: where RK4 would need more than `MOST_PARTS` parts, stiffly.
-        if stability is not None and not self._stable(stability, native, motion, again):
-            assert again is not None  # nothing else is not stable
-            return again(stepper=STIFF)
+        if stability is not None and again is None:
+            stability.before(motion, native)
+        elif stability is not None and again is not None:
+            parts = stability.parts(motion, native)
+            if parts > MOST_PARTS:
+                return again(stepper=STIFF)
+            if parts > 1:
+                t0, outputs = float(self.schedule.times[0]), self.schedule.outputs
+                self.schedule, self.step = planned(t0, self.duration, self.step / parts, outputs, True)
         with _reporting(progress, self.schedule, self.mechanism.name) as report:
             run = self.made(motion, native, report)
             try:
@@ -165,20 +171,6 @@ class Course:
         with _reporting(progress, self.schedule, self.mechanism.name) as report:
             return run_phases(self, joints, start, torque, kernel, required, report)
 
-    def _stable(
-        self, stability: StabilityCheck, native: NativeSteps | None, motion: Problem, again: Again | None
-    ) -> bool:
-        """Whether the steps, or parts of them, are stable at the start, or it is told that they are not."""
-        if again is None:
-            stability.before(motion, native)
-            return True
-        parts = stability.parts(motion, native)
-        if parts > MOST_PARTS:
-            return False
-        t0, outputs = float(self.schedule.times[0]), self.schedule.outputs
-        self.schedule, self.step = planned(t0, self.duration, self.step / parts, outputs, True)
-        return True
-
     def made(
         self, motion: Problem, native: NativeSteps | None, report: Callable[[float], None] | None = None
     ) -> Run:
@@ -192,7 +184,9 @@ class Course:
             kind = SteppedRun if isinstance(motion.torque, HeldTorque) else FixedRun
             run = kind(self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step, native, *parts)
             run.guard = self.guard
-        run.acted = self.acted
+        run.acted, drives = self.acted, self.drives
+        if drives is not None:
+            run.acted = replace(self.acted, drive=drives.names, motions=drives.motions)
         return run
 
     def gone(self, run: Run, begun: float, mended: bool, go: Callable[[], None]) -> str | None:

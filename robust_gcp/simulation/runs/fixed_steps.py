@@ -107,7 +107,8 @@ class FixedRun(RefinedRun):
                     before = self._last
                     self._accept(i, now)
                     recovery.accept(i, self._x, now.point)  # may be gone back to
-                    self._look_out(i, before, now)
+                    if self.guard is not None:
+                        self._look_out(self.guard, i, before, now)
                 known = None
                 if i == last or self.paused:
                     return
@@ -147,11 +148,11 @@ class FixedRun(RefinedRun):
         self._recovery.changed(self._repartition(i, float(self.times[i]), names))
         return True
 
-    def _look_out(self, i: int, before: Evaluation | End | None, now: Evaluation) -> None:
+    def _look_out(self, guard: Guard, i: int, before: Evaluation | End | None, now: Evaluation) -> None:
         """Pause where the step to time i is to be looked at."""
-        if self.guard is not None and before is not None:
+        if before is not None:
             h = float(self.times[i] - self.times[i - 1])
-            self.paused = self.guard.met(h, before.v, before.a, now.point.q, now.v, now.a)
+            self.paused = guard.met(h, before.v, before.a, now.point.q, now.v, now.a)
 
     def _evaluated(self, i: int) -> Evaluation:
         """The equations at the present state."""
@@ -217,7 +218,7 @@ class FixedRun(RefinedRun):
             self._x, self._last = batch.x, batch.now
             if self._progress is not None:
                 for j in range(i + 1, i + 1 + batch.steps):
-                    self._report(j)
+                    self._progress(j / (len(self.times) - 1))
         if batch.crossings:
             self._record.cross(batch.crossings)
 
@@ -248,7 +249,8 @@ class FixedRun(RefinedRun):
         assert now is not None  # the step was taken over
         if self._events.pending:
             self.paused = False
-            self._look_out(i, before, now)
+            if self.guard is not None:
+                self._look_out(self.guard, i, before, now)
         self._look_within(i, before, now, told=rows.within is not None)
 
     def _look_within(self, i: int, before: End, now: Evaluation, told: bool = False) -> None:

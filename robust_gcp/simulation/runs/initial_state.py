@@ -149,10 +149,10 @@ def _plain(
     q = mechanism.home if q0 is None else mechanism.configuration(q0, "q0")
     if drives is not None:
         q = driven_start(mechanism, drives, q0, v0, None, choice, counters)
-    at_rest = None if drives is not None else mechanism.tree.zero
-    v = at_rest if v0 is None else mechanism.velocity(v0, "v0")
-    if v is not None:
-        require_finite_energy(mechanism, v)
+    v: Array | None = None if drives is not None else mechanism.tree.zero
+    if v0 is not None:
+        v = given = mechanism.velocity(v0, "v0")
+        require_finite_energy(mechanism, given)
     rest = rest_of(mechanism)
     path = RegularPath(rest, np.arange(rest.nc), counters)
     return _evaluated(native, mechanism, path, q, v, torque, choice, drives, t0)

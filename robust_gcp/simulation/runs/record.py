@@ -65,7 +65,7 @@ class Record:
         n = len(schedule.outputs)
         self.mechanism, self._schedule, self._t = mechanism, schedule, schedule.outputs
         self._q, self._v = np.empty((n, mechanism.nq)), np.empty((n, mechanism.nv))
-        self._told = {f"_{item}" for item in items}
+        self._told = tuple(items)
         self._a = np.empty((n, mechanism.nv)) if looked_into or "a" in items else None
         self._energy = np.empty(n) if "energy" in items else None
         self._multipliers = np.empty((n, mechanism.nc)) if "multipliers" in items else None
@@ -274,16 +274,14 @@ class Record:
             cut("_t"),
             cut("_q"),
             cut("_v"),
-            where_kept("_a") if "_a" in self._told else None,
+            where_kept("_a") if "a" in self._told else None,
             where_kept("_energy"),
             where_kept("_multipliers"),
             where_kept("work"),
             self.crossings,
             stats,
             where_kept("_drive"),
-            [np.array(times) for times in events.t],
-            [np.array(q).reshape(-1, self.mechanism.nq) for q in events.q],
-            [np.array(v).reshape(-1, self.mechanism.nv) for v in events.v],
+            *(events.found(self.mechanism) if events else ([], [], [])),
             events.ended_by,
-            where_kept("_tau") if "_tau" in self._told else None,
+            where_kept("_tau") if "tau" in self._told else None,
         )

@@ -10,6 +10,7 @@ from dataclasses import fields
 import numpy as np
 
 from ...dynamics.equations import Evaluation
+from ...dynamics.prescribed.control import Actuated
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
 from ...maps.classical import SingularityWarning
@@ -19,7 +20,7 @@ from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
-from ..events import Event, Events, Zero
+from ..events import NO_EVENTS, Event, Events, Zero
 from ..trajectories.acted import Acted, controls_along
 from ..trajectories.trajectory import Trajectory
 from .coordinates import Coordinates, in_coordinates
@@ -86,7 +87,9 @@ class Run:
         self._named = motion.mechanism if named is None else named
         times = schedule.times
         begin, first = float(times[0]), float(times[1] - times[0])
-        self._events = events if isinstance(events, Events) else Events(events, begin, first)
+        self._events = NO_EVENTS
+        if events:
+            self._events = events if isinstance(events, Events) else Events(events, begin, first)
         self._record = Record(self._named, schedule, record, motion, keep, bool(self._events))
         self._ended = False
         self._repartitions: list[tuple[float, tuple[str, ...]]] = []
@@ -180,8 +183,8 @@ class Run:
     def _tell_what_is_lost(self) -> None:
         """Warn of the nearest that the motion came to a singular place without a bridge."""
         (lost, distance), told = self._lost, self._told
-        self._lost, self._told = (0.0, np.inf), told or lost > 0.0
-        if lost > 0.0 and not told:
+        self._lost, self._told = (0.0, np.inf), True
+        if not told:
             warn(
                 f"the motion passed a singular place without a bridge at a distance of {distance:.1g}: "
                 f"rounding leaves it right to {lost:.1e} there, whatever the step",
@@ -244,10 +247,12 @@ class Run:
 
     def _accept(self, i: int, now: Evaluation) -> None:
         """Record the evaluation at time i."""
-        self._watch(now.point.q, i)
+        if self._redundant:
+            self._watch(now.point.q, i)
         self._record.add(i, now, self._x)
         self._last = now
-        self._report(i)
+        if self._progress is not None:
+            self._progress(i / (len(self.times) - 1))
 
     @property
     def _redundant(self) -> bool:
@@ -257,19 +262,14 @@ class Run:
 
     def _watch(self, q: Array, i: int) -> None:
         """Refuse to go on where rows of φ are left open."""
-        if not self._redundant:
-            return
         explicit, rest = self._motion.explicit, self._motion.explicit.rest
         if isinstance(rest, ClusterMap):
             rest.require_closed(q_of_rest(explicit, q), f"at t = {self.times[i]:.6g} s")
 
-    def _report(self, i: int) -> None:
-        if self._progress is not None:
-            self._progress(i / (len(self.times) - 1))
-
     def trajectory(self, begun: float) -> Trajectory:
         """What was recorded so far."""
-        self._tell_what_is_lost()
+        if self._lost[0] > 0.0:
+            self._tell_what_is_lost()
         stats = Stats(
             **{name: getattr(self._counters, name) for name in COUNTED},
             repartitions=self._repartitions,
@@ -280,5 +280,6 @@ class Run:
         )
         found = self._record.trajectory(stats, self._events)
         found.acted = self.acted
-        found.u = controls_along(None if self.acted is None else self.acted.torque, found.t, found.q, found.v)
+        if self.acted is not None and isinstance(self.acted.torque, Actuated):
+            found.u = controls_along(self.acted.torque, found.t, found.q, found.v)
         return found

@@ -87,7 +87,9 @@ class StabilityCheck:
         self, mechanism: Mechanism, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions
     ) -> None:
         self._step, self._options = step, options
-        self._listener = _Listener(torque, mechanism.nv) if is_asked(torque) else None
+        self._listener: _Listener | None = None
+        if callable(torque) and is_asked(torque):
+            self._listener = _Listener(torque, mechanism.nv)
         self.torque = self._listener or torque
 
     def before(self, motion: Problem, native: NativeSteps | None = None) -> None:
@@ -98,13 +100,17 @@ class StabilityCheck:
         native : NativeSteps, optional
             The run's, by which ẋ may be asked without harm to it.
         """
-        if self._listener is None:
-            self._warn(self._too_fast(motion, partial(self._limiting, native)))
+        value = None if self._listener else self._too_fast(motion, partial(self._limiting, native))
+        if value is not None:
+            self._warn(value)
 
     def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
-        if self._listener is not None and self._listener.heard:
-            self._warn(self._too_fast(motion, self._limiting_with_torque))
+        if self._listener is None or not self._listener.heard:
+            return
+        value = self._too_fast(motion, self._limiting_with_torque)
+        if value is not None:
+            self._warn(value)
 
     def parts(self, motion: Problem, native: NativeSteps | None = None) -> int:
         """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
@@ -138,13 +144,12 @@ class StabilityCheck:
             return None
         return None if value is None or self._step <= stable_step(value) else value
 
-    def _warn(self, value: complex | None) -> None:
-        if value is not None:
-            warn(
-                f"step = {self._step:g} s {self._outside(value)}; take a smaller step, or an implicit "
-                'stepper such as stepper="Radau"',
-                StabilityWarning,
-            )
+    def _warn(self, value: complex) -> None:
+        warn(
+            f"step = {self._step:g} s {self._outside(value)}; take a smaller step, or an implicit "
+            'stepper such as stepper="Radau"',
+            StabilityWarning,
+        )
 
     def _outside(self, value: complex) -> str:
         real = value.real if abs(value.real) > ROUNDING * abs(value) else 0.0

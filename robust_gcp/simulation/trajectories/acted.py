@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque
 from ...dynamics.loads import Wrench
 from ...dynamics.prescribed.control import Actuated
-from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.motion import Motion
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -45,13 +44,6 @@ class Acted:
     lost: bool = False
     motions: Mapping[str, Motion] = field(default_factory=dict)
 
-    @classmethod
-    def driven(cls, drive: Drive | None, torque: Any = None, wrenches: tuple[Wrench, ...] = ()) -> Acted:
-        """Torques and wrenches, beside prescribed motions."""
-        if drive is None:
-            return cls(torque, wrenches)
-        return cls(torque, wrenches, drive=drive.names, motions=drive.motions)
-
     def without_code(self) -> Acted:
         """What files and pickles hold of it."""
         if not callable(self.torque):
@@ -82,10 +74,8 @@ KINDS = ("actuator", "activation", "tendon")
 """What columns of these begin with: a force, N or N m; an activation; a length, m or rad."""
 
 
-def controls_along(acting: object, t: Array, q: Array, v: Array) -> Array | None:
-    """u of the actuators at each output, (N, n), of a run under `Actuated`; None of others."""
-    if not isinstance(acting, Actuated):
-        return None
+def controls_along(acting: Actuated, t: Array, q: Array, v: Array) -> Array:
+    """u of the actuators at each output, (N, n)."""
     control = acting.control
     if control.constant is not None:
         return np.tile(control.constant, (len(t), 1))
