@@ -2,11 +2,36 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
 from .local import LocalAnalysis
+
+
+@dataclass
+class Curve:
+    """A mode while it is traced.
+
+    Attributes
+    ----------
+    q, tangents : list of ndarray
+        Configurations (nq,) and dimensionless unit tangents (nv,).
+    passes : list of (int, int, int)
+        Row, number of the singular point, number of the tangent among its modes.
+    closed : bool
+    stop : str
+        Why an open curve ends where it ends.
+    corank : int
+        Ranks that K lacks all along it: modes that lie in the singular set are followed too.
+    """
+
+    q: list[Array] = field(default_factory=list)
+    tangents: list[Array] = field(default_factory=list)
+    passes: list[tuple[int, int, int]] = field(default_factory=list)
+    closed: bool = False
+    stop: str = ""
+    corank: int = 0
 
 
 @dataclass(frozen=True)

@@ -9,16 +9,18 @@ written u here are dimensionless, v = column_scale · u.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import BranchError
+from ..mechanism.constraint.rank import rank_along
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.tolerances import BENDING, CLOSED
 from ..mechanism.tree.tree import Array
+from .configuration_space import Curve
 from .local import LocalAnalysis, analyse
+from .second_order import second_order_forms
 from .singular_points import located
 from .torus import Torus
 from .touching_modes import touching_at
@@ -46,28 +48,6 @@ MAX_LENGTH = 400.0
 """Dimensionless length after which a curve that does not close is left open."""
 
 
-@dataclass
-class Curve:
-    """A mode while it is traced.
-
-    Attributes
-    ----------
-    q, tangents : list of ndarray
-        Configurations (nq,) and dimensionless unit tangents (nv,).
-    passes : list of (int, int, int)
-        Row, number of the singular point, number of the tangent among its modes.
-    closed : bool
-    stop : str
-        Why an open curve ends where it ends.
-    """
-
-    q: list[Array] = field(default_factory=list)
-    tangents: list[Array] = field(default_factory=list)
-    passes: list[tuple[int, int, int]] = field(default_factory=list)
-    closed: bool = False
-    stop: str = ""
-
-
 class Continuation:
     """Follows curves of one mechanism.
 
@@ -93,14 +73,23 @@ class Continuation:
         self.all = np.arange(mechanism.nv)
         self._touches: dict[int, Touching] = {}
 
-    def conditioning(self, q: Array) -> float:
-        """σ_r/σ_1 of the scaled K with r = nv − 1: 0 at a singular point."""
+    def conditioning(self, q: Array, corank: int = 0) -> float:
+        """σ_r/σ_1 of the scaled K, r = nv − 1 − corank: 0 at a singular point of a curve."""
         s = np.linalg.svd(self.mechanism.scaled(self.mechanism.K(q)))[1]
-        return float(s[self.rank - 1] / s[0])
+        return float(s[self.rank - corank - 1] / s[0])
 
-    def tangent(self, q: Array, like: Array) -> Array:
-        """Unit vector of ker K that points as `like` does, dimensionless; for regular q."""
-        t = np.linalg.svd(self.mechanism.scaled(self.mechanism.K(q)))[2][self.rank]
+    def tangent(self, q: Array, like: Array, corank: int = 0) -> Array:
+        """Unit vector of ker K that points as `like` does, dimensionless; for q at no singular point.
+
+        Where K lacks ranks all along a curve, the one in which no second-order form bends.
+        """
+        U, _, Vt = np.linalg.svd(self.mechanism.scaled(self.mechanism.K(q)))
+        r = self.rank - corank
+        N = Vt[r:].T
+        if corank:
+            forms = second_order_forms(self.mechanism, q, U[:, r:], self.scale[:, None] * N)
+            N = N @ np.linalg.svd(np.vstack(forms))[2].T
+        t = N[:, -1]
         return t if t @ like >= 0.0 else -t
 
     def directions(self, picture: LocalAnalysis) -> list[Array]:
@@ -108,11 +97,15 @@ class Continuation:
         found = [mode / self.scale if mode.ndim == 1 else 0.0 * self.scale for mode in picture.modes]
         return [u / max(float(np.linalg.norm(u)), 1e-300) for u in found]
 
-    def moved(self, q: Array, u: Array) -> Array:
-        """Integrate from q along u and close the loops again."""
-        return self.mechanism.polish(self.mechanism.tree.integrate(q, self.scale * u), self.all)
+    def moved(self, q: Array, u: Array, corank: int = 0) -> Array:
+        """Integrate from q along u and close the loops again, where K lacks as many ranks."""
+        near = self.mechanism.tree.integrate(q, self.scale * u)
+        if not corank:
+            return self.mechanism.polish(near, self.all)
+        found = located(self.mechanism, near, self.rank, corank)
+        return near if found is None else found
 
-    def step(self, q: Array, t: Array, h: float) -> tuple[Array, Array, float]:
+    def step(self, q: Array, t: Array, h: float, corank: int) -> tuple[Array, Array, float]:
         """Advance by h or less along the curve: q, tangent and the step that held the curve.
 
         Raises
@@ -126,17 +119,17 @@ class Continuation:
         side = np.linalg.det(np.vstack([rows @ K, t]))
         bend = self._bend(q, t, frame)
         while h > SMALLEST_STEP:
-            predicted = self.mechanism.tree.integrate(q, self.scale * (h * t + 0.5 * h * h * bend))
-            ahead = self.mechanism.polish(predicted, self.all)
+            u = h * t + 0.5 * h * h * bend
+            predicted, ahead = self.mechanism.tree.integrate(q, self.scale * u), self.moved(q, u, corank)
             K = self.mechanism.scaled(self.mechanism.K(ahead))
-            t_ahead = self.tangent(ahead, t)
+            t_ahead = self.tangent(ahead, t, corank)
             side_ahead = np.linalg.det(np.vstack([rows @ K, t_ahead]))
             correction = self.torus.distance(predicted, ahead)
             if (
                 self.mechanism.closure_residual(ahead) <= CLOSED
                 and correction < 0.1 * h
                 and t @ t_ahead > np.cos(TURNING[1])
-                and side * side_ahead > 0.0  # else a singular point was jumped over
+                and (corank or side * side_ahead > 0.0)  # else a singular point was jumped over
             ):
                 return ahead, t_ahead, h
             h *= 0.5
@@ -150,15 +143,15 @@ class Continuation:
         parts = (U[:, : self.rank].T @ k)[kept] / s[: self.rank][kept]
         return Vt[: self.rank][kept].T @ parts
 
-    def singular_near(self, q: Array) -> Array | None:
+    def singular_near(self, q: Array, corank: int) -> Array | None:
         """The singular configuration next to q, to rounding; None where there is none within reach."""
-        star = self._located(q, 1)
+        star = self._located(q, corank + 1)
         if star is None:
             return None
         picture = analyse(self.mechanism, star)
         larger = picture.kind == "redundant"  # a point of a larger mode, on all of which K lacks a rank
-        corank = 2 if larger else self.rank - picture.rank
-        again = self._located(q, corank) if corank > 1 else None
+        lacking = corank + 2 if larger else self.rank - picture.rank
+        again = self._located(q, lacking) if lacking > corank + 1 else None
         return star if again is None and not larger else again
 
     def _located(self, q: Array, corank: int) -> Array | None:
@@ -176,15 +169,17 @@ class Continuation:
             singular = bool(curve.passes) and curve.passes[-1][0] == len(curve.q) - 1
             try:
                 if singular:
-                    ahead, t_ahead = self._leave(q, t, curve.passes[-1])
+                    ahead, t_ahead = self._leave(q, t, curve)
                     taken = PASSING
                 else:
-                    limit = self._approach(q, t)
+                    limit = self._approach(q, t, curve.corank)
                     if limit is not None and limit[0] <= 0.0:
                         if self._pass(curve, limit[1]):
                             return curve
                         continue
-                    ahead, t_ahead, taken = self.step(q, t, h if limit is None else min(h, limit[0]))
+                    ahead, t_ahead, taken = self.step(
+                        q, t, h if limit is None else min(h, limit[0]), curve.corank
+                    )
             except BranchError as error:
                 curve.stop = str(error)
                 return curve
@@ -198,13 +193,13 @@ class Continuation:
         curve.stop = f"left open after a length of {MAX_LENGTH:g}"
         return curve
 
-    def _approach(self, q: Array, t: Array) -> tuple[float, Array] | None:
+    def _approach(self, q: Array, t: Array, corank: int) -> tuple[float, Array] | None:
         """How far to go before a singular point ahead is passed, and that point."""
-        if self.conditioning(q) > LOOKOUT:
+        if self.conditioning(q, corank) > LOOKOUT:
             return None
         star = self._known_near(q)
         if star is None:
-            star = self.singular_near(q)
+            star = self.singular_near(q, corank)
         if star is None:
             return None
         way = self.mechanism.tree.difference(q, star) / self.scale
@@ -255,18 +250,20 @@ class Continuation:
             self._touches[number] = touching_at(self.mechanism, picture.q)
         return self._touches[number]
 
-    def _leave(self, star: Array, t: Array, at: tuple[int, int, int]) -> tuple[Array, Array]:
-        """The next row beyond a singular point along t; `at` as in `Curve.passes`."""
-        _, number, chosen = at
+    def _leave(self, star: Array, t: Array, curve: Curve) -> tuple[Array, Array]:
+        """The next row of a curve beyond a singular point along t."""
+        _, number, chosen = curve.passes[-1]
         touching = self._touching(number, self.points[number])
         if touching is not None:
             ahead = touching.beyond(chosen, star, self.scale * t, PASSING)
             return ahead, self.tangent(ahead, t)
+        if len(curve.q) == 1:
+            curve.corank = self.rank - rank_along(self.mechanism, star, (self.scale * t)[:, None])
         for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):
-            ahead = self.moved(star, distance * t)
+            ahead = self.moved(star, distance * t, curve.corank)
             if self.mechanism.closure_residual(ahead) > CLOSED:
                 continue
-            t_ahead = self.tangent(ahead, t)
+            t_ahead = self.tangent(ahead, t, curve.corank)
             way = self.mechanism.tree.difference(star, ahead) / self.scale
             if t_ahead @ t > 0.95 and np.linalg.norm(way - distance * t) < 0.2 * distance:
                 return ahead, t_ahead

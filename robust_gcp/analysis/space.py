@@ -14,8 +14,8 @@ from ..mechanism.assembly.assembly import assembled
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tolerances import CLOSED, SINGULAR_HOME
 from ..mechanism.tree.tree import Array
-from .configuration_space import ConfigurationSpace, ModeCurve, Visit
-from .curve import STEP, Continuation, Curve
+from .configuration_space import ConfigurationSpace, Curve, ModeCurve, Visit
+from .curve import STEP, Continuation
 from .local import LocalAnalysis, analyse
 from .torus import Torus
 
@@ -179,7 +179,7 @@ class _Search:
         for number, curve in enumerate(self.curves):
             distances = self.torus.distances(curve.q, q)
             near = int(np.argmin(distances))
-            if distances[near] > 2.0 * STEP:
+            if curve.corank or distances[near] > 2.0 * STEP:
                 continue
             here = curve.q[near]
             for _ in range(20):

@@ -14,6 +14,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.analysis.curve import PASSING
 from robust_gcp.analysis.torus import Torus
+from robust_gcp.examples import linkages
 from robust_gcp.examples.linkages import add_link, four_bar
 from robust_gcp.maps.closed_form import FourBar
 from robust_gcp.maps.four_bar import draw_four_bar
@@ -226,6 +227,22 @@ def test_a_singular_home_gives_the_same_space() -> None:
 def test_the_space_does_not_depend_on_the_independent_joint() -> None:
     space = rg.trace_modes(rg.load("kite", independent=["q3"]))
     assert len(space.modes) == len(space.singular_points) == 2
+
+
+@pytest.mark.parametrize("n", (1, 2, pytest.param(3, marks=pytest.mark.slow)))
+def test_rhombi_in_a_row_have_a_mode_for_each_run_of_cranks_that_move(n: int) -> None:
+    """Cranks i to j turn together, the loops between them are parallelograms, those at both ends fold, and
+    all others rest flat: (n + 1)(n + 2)/2 circles, in most of which K lacks the ranks of the loops at rest.
+    They meet in n + 2 flat poses, in each of them n + 1."""
+    space = rg.trace_modes(linkages.n_four_bar(n, angle=0.0), seeds=4)
+    assert len(space.modes) == (n + 1) * (n + 2) // 2
+    assert all(mode.closed for mode in space.modes)
+    assert [len(set(space.meeting(i))) for i in range(len(space.singular_points))] == [n + 1] * (n + 2)
+    runs = {tuple(t > 1e-9 for t in np.ptp(mode.q[:, ::2], axis=0)) for mode in space.modes}
+    wanted = {tuple(i <= k <= j for k in range(n + 1)) for i in range(n + 1) for j in range(i, n + 1)}
+    assert runs == wanted
+    for mode in space.modes:
+        assert max(space.mechanism.closure_residual(q) for q in mode.q) < 1e-12
 
 
 def test_an_isolated_point_has_no_mode() -> None:
