@@ -244,8 +244,6 @@ def _mechanism(
             start = loops.home if guess is None else guess
             loops, home, rounded = closed_home(loops, start, spreads)
             implied += rounded
-            if guess is None:  # a pose that nobody chose may be singular, where no motion starts by itself
-                home = regular_near(loops, home, NEARLY_SINGULAR)
         if isinstance(motors, list):
             known = set(loops.joint_names)
             contents.actuated = tuple(m for m in motors if m in known)
@@ -257,6 +255,10 @@ def _mechanism(
         contents.left_out += named(IMPLIED, implied)
         tell_left_out(contents.left_out, str(path), asked.strict)
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
+        if given is None and guess is None:
+            # a pose that nobody chose may be singular, where no motion starts by itself
+            to_serve = wanted if asked.independent in (None, "auto") else asked.independent
+            home = regular_near(loops, home, NEARLY_SINGULAR, to_serve or ())
         choice = asked.independent, wanted, given is not None
         mechanism = with_coordinates(contents, loops, home, name, *choice)
     except RobustGcpError as error:

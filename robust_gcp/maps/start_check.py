@@ -150,7 +150,7 @@ def require_lasting_mobility(path: RegularPath, start: Point) -> None:
 
 def _refuse_coordinates_beside(mechanism: Mechanism, q: Array) -> None:
     """Where the loops move beside a singular q, with fewer coordinates than were named: say which serve."""
-    place = regular_near(mechanism, q)
+    place = regular_near(mechanism, q, wanted=mechanism.independent)
     freedom = motions(mechanism, place).shape[1]
     if place is q or freedom == 0:
         return

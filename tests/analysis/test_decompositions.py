@@ -12,7 +12,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples import linkages, meetings, six_bars
 
-from .decompositions import turn_decompositions
+from ..decompositions import turn_decompositions
 
 FLAT = {
     "rhombus": lambda: linkages.four_bar(1.0, 1.0, 1.0, 1.0, y=0.0),

@@ -10,6 +10,8 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.io.urdf.reader import read_urdf
 
+from ..decompositions import turn_decompositions
+
 ROD = """<inertial><origin xyz="0 0.5 0"/><mass value="1"/>
   <inertia ixx="0.0833" ixy="0" ixz="0" iyy="0" iyz="0" izz="0.0833"/></inertial>"""
 
@@ -375,3 +377,20 @@ def test_transmissions_name_the_motors() -> None:
         '<ros2_control name="c"><joint name="q1"><command_interface name="effort"/></joint></ros2_control>'
     )
     assert read_urdf(four_bar(DIALECTS["URDF+"] + control)).actuated == ("q1",)
+
+
+@pytest.mark.parametrize("joint", ("q1", "q2", "q3"))
+def test_beside_a_flat_pose_home_is_where_the_motor_serves(
+    joint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two modes meet in the flat pose, each with another joint at rest; the same home on any machine."""
+    (tmp_path / "robot.urdf").write_text(four_bar(ends("closedloop1_A_3D", "closedloop1_B_3D")), "utf-8")
+    yaml = f"closed_loop: [[closedloop1_A_3D, closedloop1_B_3D]]\ntype: [3d]\nname_mot: [{joint}]\n"
+    (tmp_path / "robot.yaml").write_text(yaml, encoding="utf-8")
+    usual = rg.load(tmp_path)
+    assert usual.independent == (joint,)
+    assert np.linalg.cond(usual.K(usual.home)[:, usual.iv_dependent]) < 1e3
+    for seed in range(4):
+        with monkeypatch.context() as patch:
+            turn_decompositions(patch, seed)
+            np.testing.assert_allclose(rg.load(tmp_path).home, usual.home, rtol=0, atol=1e-9)

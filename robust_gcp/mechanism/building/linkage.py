@@ -229,12 +229,10 @@ class Linkage:
         loops = ClosedLoops(model, contents.closures)
         q, free = self._start(loops, home or {})
         q = assembled_within(loops, q, free, self.name, FEW_STARTS if home else MANY_STARTS)
+        grounded = [j.name for j in joints if WORLD in (j.parent, j.child) and j.name in loops.joint_names]
         if not home:
-            q = regular_near(loops, q, NEARLY_SINGULAR)
+            q = regular_near(loops, q, NEARLY_SINGULAR, grounded if independent is None else independent)
         if independent is None:
-            grounded = [
-                j.name for j in joints if WORLD in (j.parent, j.child) and j.name in loops.joint_names
-            ]
             independent, _ = completed(loops, regular_near(loops, q), grounded, self.name)
         return Mechanism.from_pinocchio(model, contents.closures, independent, q, self.name, forces)
 

@@ -90,16 +90,8 @@ def completed(
         All independent joints and components; those of the wanted ones that cannot serve.
     """
     T = motions(loops, place)
-    kept: list[str] = []
-    lost: list[str] = []
-    rows: list[int] = []
-    for one in wanted:
-        more = [*rows, *loops.velocities_of(one)]
-        enough = len(set(more)) == len(more) <= T.shape[1]
-        if enough and np.linalg.svd(T[more], compute_uv=False)[-1] > SERVES:
-            kept, rows = [*kept, one], more
-        else:
-            lost.append(one)
+    kept, rows = _serving(loops, T, wanted)
+    lost = tuple(one for one in wanted if one not in kept)
     numbers = in_v(loops.joints)
     weight = np.array([1.0 if loops.joint_at(i).single else COMPONENT for i in range(loops.nv)])
     weight[free_velocities(loops)] = 1.0
@@ -112,10 +104,22 @@ def completed(
     log.info("%s: independent %s (conditioning %.2g)", name, ", ".join(names), quality)
     if lost:
         log.info("%s: cannot be independent beside them: %s", name, ", ".join(lost))
-    return tuple(names), tuple(lost)
+    return tuple(names), lost
 
 
-def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0) -> Array:
+def _serving(loops: ClosedLoops, T: Array, wanted: Sequence[str]) -> tuple[list[str], list[int]]:
+    """Those of the wanted joints that serve beside each other where T spans the motions; their rows of T."""
+    kept: list[str] = []
+    rows: list[int] = []
+    for one in wanted:
+        more = [*rows, *loops.velocities_of(one)]
+        enough = len(set(more)) == len(more) <= T.shape[1]
+        if enough and np.linalg.svd(T[more], compute_uv=False)[-1] > SERVES:
+            kept, rows = [*kept, one], more
+    return kept, rows
+
+
+def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: Sequence[str] = ()) -> Array:
     """Home, or where K loses rank there a closed configuration beside it where it does not.
 
     Such a pose is singular, or an isolated point, beside which nothing is found.
@@ -125,34 +129,43 @@ def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0) -> Array:
     nearly : float
         Conditioning of K, the least of its singular values that count over the largest, below which home
         is left too, for the best conditioned of the configurations beside it.
+    wanted : sequence of str
+        Joints that are to be independent: of motions that meet, one in which most of them serve is taken.
+        What is no joint is for others to refuse.
     """
     if loops.nc == 0:
         return home
-    rng = np.random.default_rng(1)
-    here = motions(loops, home)
-    m, conditioning = _freedom(loops, home)
-    least, found, best = m, home, conditioning if conditioning < nearly else np.inf
+    names = set(loops.joint_names)
+    wanted = [one for one in wanted if one in names or one.rpartition(".")[0] in names]
+    rng, here = np.random.default_rng(1), motions(loops, home)
+    at_home = _quality(loops, home, wanted)
+    found, best = home, at_home if at_home[-1] < nearly else (at_home[0], np.inf)
     for _ in range(BESIDE):
-        way = here @ rng.normal(0.0, 1.0, here.shape[1])
+        way = here @ (here.T @ rng.normal(0.0, 1.0, loops.nv))  # the same in any basis
         way[free_velocities(loops)] = 0.0
         step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
         try:
             q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))
         except ClosureError:
             continue
-        m, conditioning = _freedom(loops, q)
-        if m and np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
+        quality = _quality(loops, q, wanted)
+        if quality[0] and np.abs(loops.tree.difference(home, q) / loops.units).max() < LEAST_AWAY:
             continue  # back where it was, but for what rounding leaves open
-        if m < least or (m == least and conditioning > best):
-            least, found, best = m, q, conditioning
+        if quality > best:
+            found, best = q, quality
     return found
 
 
-def _freedom(loops: ClosedLoops, q: Array) -> tuple[int, float]:
-    """nv − rank K at q, and the least of its singular values that count over the largest."""
+def _quality(loops: ClosedLoops, q: Array, wanted: Sequence[str]) -> tuple[float, ...]:
+    """rank K − nv at q; how many of the wanted joints serve, and which; K's conditioning, last.
+
+    The last is the least of the singular values that count over the largest.
+    """
     s = singular_values(loops, q)
     rank = numerical_rank(s, STRUCTURAL)
-    return loops.nv - rank, float(s[rank - 1] / s[0]) if rank else 1.0
+    kept = _serving(loops, motions(loops, q), wanted)[0] if wanted else []
+    serve = [float(one in kept) for one in wanted]
+    return rank - loops.nv, len(kept), *serve, float(s[rank - 1] / s[0]) if rank else 1.0
 
 
 def require_determined(loops: Coordinates) -> None:
