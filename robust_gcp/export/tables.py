@@ -82,7 +82,7 @@ def _along(mechanism: Mechanism) -> tuple[float, Array] | None:
         apart = way_between(mechanism, run.q[0], run.q[-1]) * mechanism.units
         off = np.abs(run.v[-1] - run.v[0]).max() / np.abs(run.v).max()
         if np.abs(apart).max() <= CLOSED and off <= CLOSED:
-            return period, np.array(list(_terms(mechanism, run.q[:-1], run.v[:-1])))
+            return period, _terms_around(mechanism, run.q, run.v)
     return None
 
 
@@ -92,9 +92,19 @@ def _by_arc(mechanism: Mechanism) -> tuple[float, Array, dict[str, str]]:
     y = q[:, mechanism.iq_independent[0]] - _home(mechanism)
     turned, share = float(y[-1]), np.arange(POINTS + 1) / POINTS
     pace = way[:, mechanism.iv_independent[0]]
-    terms = np.array(list(_terms(mechanism, q[:-1], way[:-1])))
-    samples = np.column_stack([terms, pace[:-1], (y - turned * share)[:-1]])
+    samples = np.column_stack([_terms_around(mechanism, q, way), pace[:-1], (y - turned * share)[:-1]])
     return length, samples, {"TURNED": repr(2.0 * np.pi * round(turned / (2.0 * np.pi)))}
+
+
+def _terms_around(mechanism: Mechanism, q: Array, G: Array) -> Array:
+    """M, D and Q at all places but the last, (POINTS, 3), which is the first again."""
+    terms = np.array(list(_terms(mechanism, q, G)))
+    if np.any(np.abs(terms[-1] - terms[0]) > CLOSED * np.abs(terms).max(axis=0)):
+        raise ModelError(
+            f"export: what acts on {mechanism.name or 'the mechanism'} is another after a turn, as of a "
+            "spring at a joint that turns on and on; export .rgcp"
+        )
+    return terms[:-1]
 
 
 def _terms(mechanism: Mechanism, q: Array, G: Array) -> Iterator[tuple[float, float, float]]:

@@ -90,6 +90,20 @@ def test_by_arc_length_where_the_joint_turns_back(name: str, tmp_path: Path) -> 
     assert u.value * table.robot_rate(s.value) == pytest.approx(float(fine.v[-1][pace]), abs=1e-8)
 
 
+def test_what_is_another_after_a_turn_is_told(tmp_path: Path) -> None:
+    """A crank that turns on and on winds its spring up."""
+    mech = rg.load("crank_rocker")
+    wound = rg.Mechanism.from_pinocchio(
+        mech.own_model,
+        list(mech.closures),
+        mech.independent,
+        home=mech.home,
+        forces=[rg.JointSpring("q1", 2.0)],
+    )
+    with pytest.raises(rg.ModelError, match="another after a turn, as of a spring"):
+        wound.export(tmp_path / "wound.c")
+
+
 @needs_compiler
 @pytest.mark.parametrize("file", ["2f85", "a-b.c d"])
 def test_files_of_any_name(file: str, tmp_path: Path) -> None:
