@@ -15,7 +15,6 @@ from ...arguments import Arguments, existing_folder, folder, number, part, pathn
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
 from ...printing import along
-from .. import peers
 from ..contender import Contender, Scene
 from ..machine import THREADS
 from ..tools import tools
@@ -126,13 +125,8 @@ def run(args: argparse.Namespace) -> int:
     if store.points:
         print(f"going on from {len(store.points)} points in {args.out}")
     study = Study(scenes, args.method, store, repeats, args.quick, args.cap)
-    try:
-        study.run()
-    finally:
-        store.export({"references": {name: r.source for name, r in study.references.items()}})
-    for path in report.write(
-        study.motions, study.reference, study.contenders, store, peers.missing(), study.refused, args.docs
-    ):
+    study.run()
+    for path in report.write(study, args.docs):
         print(f"wrote {path}")
     return 0
 

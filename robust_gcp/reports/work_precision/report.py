@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...drawing.figures import style as plots
-from .. import pages
-from ..contender import Contender
+from .. import pages, peers
 from ..machine import footer
 from . import figures, verdicts
-from .references import Motion, Reference
-from .store import Store
+
+if TYPE_CHECKING:
+    from .command import Study
 
 MARK = "work-precision"
 """The block of the pages that this study renews."""
@@ -29,34 +30,23 @@ FIVE = (
 """Scenes of the table that README shows: two with crossings, three without."""
 
 
-def write(
-    motions: Mapping[str, Motion],
-    reference: Callable[[str], Reference],
-    contenders: Sequence[Contender],
-    store: Store,
-    missing: Sequence[str],
-    refused: Mapping[str, Sequence[str]],
-    docs: Path | None,
-) -> list[Path]:
+def write(study: Study, docs: Path | None) -> list[Path]:
     """Print the tables, write everything; returns the paths."""
-    out, foot, points = (
-        store.folder,
-        footer(store.header["machine"], store.header["begun"]),
-        list(store.points.values()),
-    )
+    store, out = study.store, study.store.folder
+    foot = footer(store.header["machine"], store.header["begun"])
     rows, paths = [], []
-    for name, motion in motions.items():
-        curves = verdicts.curves_of(points, name)
+    for name, motion in study.motions.items():
+        curves = verdicts.curves_of(store.points.values(), name)
         if curves:
-            rows.append((motion.title, curves, reference(name)))
+            rows.append((motion.title, curves, study.reference(name)))
             files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
             paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
     text, told_seconds = verdicts.ratios(rows), verdicts.seconds(rows)
-    tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]
+    tuning = [f"- **{c.name}**: {c.tuning}" for c in study.contenders]
     sections = {
-        "Contenders": [*tuning, *(f"- {sentence}" for sentence in missing)],
+        "Contenders": [*tuning, *(f"- {sentence}" for sentence in peers.missing())],
         "Contenders that do not run a scene, and why": [
-            f"- {name}: {'; '.join(reasons)}" for name, reasons in refused.items()
+            f"- {name}: {'; '.join(reasons)}" for name, reasons in study.refused.items()
         ],
         "References": [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows],
     }
@@ -71,7 +61,7 @@ def write(
     paths += store.export(
         {
             "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
-            "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in contenders},
+            "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in study.contenders},
         }
     )
     print("\n".join([text, "", told_seconds, "", foot]))
