@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -66,11 +65,6 @@ def refresh(page: Path | None, blocks: Mapping[str, str]) -> None:
 
 def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
-
-
-def plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a record, None for what is not finite."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
 
 
 def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> list[Path]:

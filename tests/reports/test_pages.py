@@ -1,10 +1,13 @@
 """Pages that reports renew: blocks between marks, tables."""
 
+import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.printing import write_json
 from robust_gcp.reports import pages
 
 
@@ -46,3 +49,15 @@ def test_a_table_keeps_bars_and_breaks_inside_its_cells() -> None:
         "|---|---:|",
         r"| x\|y | 1 2 |",
     ]
+
+
+def test_figures_that_are_not_finite_become_null(tmp_path: Path) -> None:
+    """JSON has neither NaN nor infinity, which other programs refuse to read."""
+    path = tmp_path / "figures.json"
+    given = {"a": float("nan"), "b": [np.float64(-np.inf), (1.5, np.int64(2))], "c": np.array([np.nan, 1.0])}
+    write_json(path, given)
+    assert json.loads(path.read_text(encoding="utf-8"), parse_constant=pytest.fail) == {
+        "a": None,
+        "b": [None, [1.5, 2]],
+        "c": [None, 1.0],
+    }

@@ -12,7 +12,7 @@ import numpy as np
 
 from ... import JointTorque, Mechanism, StateError
 from ...mechanism.tree.tree import Array
-from .. import pages
+from ...printing import finite
 from ..contender import Contender, Outcome, Scene
 from .references import TOLERANCES, Motion, Reference
 
@@ -71,9 +71,9 @@ class Point:
         """What tells points apart."""
         return self.scene, self.contender, self.setting
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Any:
         """Plain values; what is not finite becomes None."""
-        return pages.plain(asdict(self))
+        return finite(asdict(self))
 
 
 def point_of(record: dict[str, Any]) -> Point:
