@@ -40,7 +40,7 @@ def write(study: Study, docs: Path | None) -> list[Path]:
         if curves:
             rows.append((motion.title, curves, study.reference(name)))
             files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
-            paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
+            paths += [figures.draw(*rows[-1], foot, file) for file in files]
     text, told_seconds = verdicts.ratios(rows), verdicts.seconds(rows)
     tuning = [f"- **{c.name}**: {c.tuning}" for c in study.contenders]
     sections = {
@@ -76,7 +76,7 @@ def _refresh(root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], fo
     for title, curves, reference in rows:
         if next(iter(curves.values()))[0].scene == STORY:
             path = root / "docs" / "figures" / f"work_precision_{STORY}.png"
-            written.append(figures.draw_story(title, curves, reference, foot, path))
+            written.append(figures.draw(title, curves, reference, foot, path, whole=False))
     measured = f"*Measured {foot}.*"
     blocks = {
         root / "README.md": f"{in_short(tables[0])}\n\n{measured}",
