@@ -17,7 +17,7 @@ from ..kernel.derivatives.derivations import derivation
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from . import pages
-from .robot_speed import robots_in
+from .robots import robots_in
 from .timing import least
 
 SHIPPED: dict[str, Callable[[], Mechanism]] = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -21,6 +21,7 @@ from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED
+from .robots import robots_in
 from .timing import in_turn, seconds
 
 Batch = Callable[[], tuple[float, float]]
@@ -78,18 +79,6 @@ class Row:
 HEADER = (
     *("robot", " nv", " m", " clusters", " step", " Newton", " aba", " constraintDynamics", " ratio", "note"),
 )
-
-
-def robots_in(folder: Path) -> Iterator[Path]:
-    """What `load` takes in a folder and those below it: folders with robot.yaml, else each URDF and MJCF."""
-    if (folder / "robot.yaml").is_file():
-        yield folder
-        return
-    for path in sorted(folder.iterdir()):
-        if path.is_dir():
-            yield from robots_in(path)
-        elif path.suffix in (".urdf", ".xml"):
-            yield path
 
 
 def measured(name: str | Path, shown: str, base: str | None, rounds: int) -> Row:

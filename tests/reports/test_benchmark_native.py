@@ -15,7 +15,8 @@ from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.io.loader import models_folder
 from robust_gcp.reports import throughput
 from robust_gcp.reports.peers.compiled import why_not
-from robust_gcp.reports.robot_speed import batches, measured, robots_in
+from robust_gcp.reports.robot_speed import batches, measured
+from robust_gcp.reports.robots import robots_in
 from robust_gcp.reports.throughput import thread_gain
 
 from ..compiled import needs_kernel
@@ -50,14 +51,16 @@ def test_robots_of_a_folder_are_timed_beside_pinocchio(
     for name in ("crank_rocker", "stewart"):
         shutil.copytree(models_folder() / name, tmp_path / "found" / name)
     (tmp_path / "none.xml").write_text("<mujoco/>", encoding="utf-8")
+    (tmp_path / "none.sdf").write_text("<sdf/>", encoding="utf-8")
     assert list(robots_in(tmp_path)) == [
         tmp_path / "found" / "crank_rocker",
         tmp_path / "found" / "stewart",
+        tmp_path / "none.sdf",
         tmp_path / "none.xml",
     ]
     rows = [measured(path, path.name, None, 2) for path in robots_in(tmp_path)]
-    assert [row.nv for row in rows] == [3, 24, 0]
-    assert rows[2].note and np.isnan(rows[2].step)
+    assert [row.nv for row in rows] == [3, 24, 0, 0]
+    assert all(row.note and np.isnan(row.step) for row in rows[2:])
     for row in rows[:2]:
         assert 1e-1 < row.step < 1e4
         if not why_not():

@@ -51,9 +51,9 @@ class Study:
         return self.reference(scene.name).q
 
     def reference(self, name: str) -> Reference:
-        """The scene's exact motion, from the store."""
+        """The scene's exact motion, computed once."""
         if name not in self.references:
-            self.references[name] = self.store.reference(self.motions[name])
+            self.references[name] = self.motions[name].solve()
         return self.references[name]
 
     def run(self) -> None:
@@ -102,7 +102,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add(
         "--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute"
     )
-    text = "points, references, tables and figures"
+    text = "points, tables and figures"
     add_to.add("--out", folder, type=pathname, required=True, metavar="DIR", help=text)
     text = "timed runs of each point; default: 3, quick: 1"
     add_to.add("--repeats", whole(1), type=int, metavar="N", help=text)
