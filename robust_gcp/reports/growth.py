@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from .. import Mechanism, OptionError, PointClosure, backends, load, simulate
+from .. import Mechanism, PointClosure, backends, load, simulate
 from ..arguments import Arguments, existing_folder, folder, pathname
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
@@ -163,7 +163,7 @@ def once(quick: bool) -> dict[str, float]:
     }
 
 
-PAGES = ("docs/kernel.md", "README.md")
+PAGES = {"docs/kernel.md": ["growth"], "README.md": ["speed"]}
 """Where the table and the sentence stand."""
 
 
@@ -180,9 +180,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
     if args.out is not None or args.docs is not None:
         plots.require_matplotlib()
-    for page in PAGES if args.docs is not None else ():
-        if not (args.docs / page).is_file():
-            raise OptionError(f"--docs {args.docs}: there is no {page} to refresh")
+    pages.require_pages(args.docs, PAGES)
     measured = {family: measure(family, args.quick) for family in FAMILIES}
     fixed, about = once(args.quick), machine()
     foot = footer(about)
@@ -197,7 +195,6 @@ def run(args: argparse.Namespace) -> int:
         draw(measured, foot, args.out / "growth.png")
     if args.docs is not None:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
-        blocks = {"growth": text}, {"speed": sentence(measured, fixed)}
-        for page, block in zip(PAGES, blocks, strict=True):
-            pages.refresh(args.docs / page, block)
+        for page in PAGES:
+            pages.refresh(args.docs / page, {"growth": text, "speed": sentence(measured, fixed)})
     return 0

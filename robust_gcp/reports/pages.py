@@ -57,6 +57,17 @@ def require_marks(page: Path | None, names: Sequence[str]) -> None:
         raise OptionError(f"--refresh {page}: there are no marks of a block named {' or '.join(names)}")
 
 
+def require_pages(root: Path | None, pages: Mapping[str, Iterable[str]]) -> None:
+    """Refuse documents (`--docs`) where one of these pages is missing or has no marks of its blocks."""
+    if root is None:
+        return
+    for page, names in pages.items():
+        if not (root / page).is_file():
+            raise OptionError(f"--docs {root}: there is no {page} to refresh")
+        if not marked(root / page, names):
+            raise OptionError(f"--docs {root}: {page} has no marks of a block named {' or '.join(names)}")
+
+
 def refresh(page: Path | None, blocks: Mapping[str, str]) -> None:
     """Renew the blocks of a page that is named, and tell."""
     if page is not None and renew(page, blocks):

@@ -7,8 +7,11 @@ import numpy as np
 import pytest
 
 import robust_gcp as rg
+from robust_gcp.__main__ import main
 from robust_gcp.printing import write_json
-from robust_gcp.reports import pages
+from robust_gcp.reports import growth, pages
+from robust_gcp.reports.stability.command import PAGE, families
+from robust_gcp.reports.work_precision import report
 
 
 def marked(name: str, block: str) -> str:
@@ -61,3 +64,40 @@ def test_figures_that_are_not_finite_become_null(tmp_path: Path) -> None:
         "b": [None, [1.5, 2]],
         "c": [None, 1.0],
     }
+
+
+@pytest.mark.parametrize(
+    ("command", "page", "missing"),
+    [
+        ("growth", "docs/kernel.md", "README.md"),
+        ("work-precision --out out", "README.md", "docs/work-precision.md"),
+        ("stability --out out", "stability.md", "stability.md"),
+    ],
+)
+def test_pages_that_could_not_be_renewed_are_told_before_the_work(
+    command: str, page: str, missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:  # fmt: skip
+    """Each measures for a long time, and would then have refreshed nothing, or ended in an error."""
+    pytest.importorskip("matplotlib")
+    for work in ("growth.measure", "work_precision.command.Study", "stability.command.judge_all"):
+        monkeypatch.setattr(f"robust_gcp.reports.{work}", lambda *_: pytest.fail("work has begun"))
+    monkeypatch.chdir(tmp_path)
+    Path("docs").mkdir()
+    names = ("growth", "speed", "work-precision", "stiff springs")
+    marks = "\n".join(marked(name, "old") for name in names)
+    line = ["reports", *command.split(), "--docs", "."]
+    if page != missing:
+        Path(page).write_text(marks, encoding="utf-8")
+        assert main(line) == 2 and f"there is no {missing} to refresh" in capsys.readouterr().err
+    Path(missing).write_text("# T\n", encoding="utf-8")
+    assert main(line) == 2 and f"{missing} has no marks of a block named" in capsys.readouterr().err
+    Path(missing).write_text(marks.replace("<!-- end", "<!-- ende"), encoding="utf-8")
+    assert main(line) == 2 and "once each, in this order" in capsys.readouterr().err
+
+
+def test_the_pages_of_this_checkout_can_be_renewed() -> None:
+    root = Path(__file__).parents[2]
+    pages.require_pages(root, growth.PAGES)
+    pages.require_pages(root, report.PAGES)
+    pages.require_pages(root / "docs", {PAGE: families()})

@@ -15,6 +15,7 @@ from ...arguments import Arguments, existing_folder, folder, number, part, pathn
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
 from ...printing import along
+from .. import pages
 from ..contender import Contender, Scene
 from ..machine import THREADS
 from ..tools import tools
@@ -116,6 +117,7 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print verdicts and table, write data and figures."""
     plots.require_matplotlib()
+    pages.require_pages(args.docs, report.PAGES)
     if not any(name in os.environ for name in THREADS):
         return _single_threaded(args)
     scenes = args.scene or (QUICK_SCENES if args.quick else SCENES)

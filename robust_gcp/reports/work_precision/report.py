@@ -15,7 +15,10 @@ if TYPE_CHECKING:
     from .command import Study
 
 MARK = "work-precision"
-"""The block of the pages that this study renews."""
+"""The block that this study renews."""
+
+PAGES = {"README.md": [MARK], "docs/work-precision.md": [MARK]}
+"""Where it stands."""
 
 STORY = "antiparallelogram"
 """The scene that pages show."""
@@ -79,12 +82,11 @@ def _refresh(root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], fo
             written.append(figures.draw(title, curves, reference, foot, path, whole=False))
     measured = f"*Measured {foot}.*"
     blocks = {
-        root / "README.md": f"{in_short(tables[0])}\n\n{measured}",
-        root / "docs" / "work-precision.md": "\n\n".join([*tables, measured]),
+        "README.md": f"{in_short(tables[0])}\n\n{measured}",
+        "docs/work-precision.md": "\n\n".join([*tables, measured]),
     }
     for page, block in blocks.items():
-        if page.exists() and pages.renew(page, {MARK: block}):
-            written.append(page)
+        pages.refresh(root / page, {MARK: block})
     return written
 
 
