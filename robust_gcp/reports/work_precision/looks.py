@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -39,13 +38,11 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
     """
     found: dict[str, Look] = {}
     counts: dict[str, int] = {}
-    spare = itertools.cycle((PURPLE, VERMILLION, GREEN))
     for name, family in contenders:
         if family == floor.FAMILY:
             continue
         k = counts[family] = counts.get(family, -1) + 1
-        strong = family == OURS
-        color = COLORS[family] if family in COLORS else COLORS.setdefault(family, next(spare))
+        strong, color = family == OURS, COLORS[family]
         found[name] = {
             "color": color,
             "linestyle": DASHES[k % len(DASHES)],
