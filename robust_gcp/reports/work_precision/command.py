@@ -59,7 +59,6 @@ class Study:
 
     def run(self) -> None:
         """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
-        floors = {s: floor.Floor(s, lambda name: self.motions[name].floor) for s in floor.STEPPERS}
         plan: list[tuple[Motion, Contender, list[float]]] = []
         for name, motion in self.motions.items():
             compared: dict[str, list[float]] = {}
@@ -73,7 +72,7 @@ class Study:
                     plan.append((motion, contender, settings))
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
-            plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
+            plan += [(motion, floor.Floor(s, motion.floor), settings) for s, settings in compared.items()]
         for each in along(plan, "work-precision"):
             for point in self._points(*each):
                 self.store.add(point)

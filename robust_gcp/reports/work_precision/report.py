@@ -61,12 +61,13 @@ def write(study: Study, docs: Path | None) -> list[Path]:
     for name, content in contents.items():
         (out / name).write_text(content + "\n", encoding="utf-8")
         paths.append(out / name)
-    paths += store.export(
-        {
-            "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
-            "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in study.contenders},
-        }
-    )
+    records = [point.record() for point in store.points.values()]
+    whole = store.header | {
+        "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
+        "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in study.contenders},
+        "points": records,
+    }
+    paths += pages.write_records(out / "points", records, whole)
     print("\n".join([text, "", told_seconds, "", foot]))
     if docs is not None:
         paths += _refresh(docs, rows, [text, told_seconds], foot)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from ... import OptionError
-from .. import pages
 from ..machine import machine
 from .measure import Point, point_of
 
@@ -67,8 +66,3 @@ class Store:
         self.points[point.key] = point
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(point.record()) + "\n")
-
-    def export(self, more: dict[str, Any]) -> list[Path]:
-        """points.csv and points.json; returns the paths."""
-        records = [point.record() for point in self.points.values()]
-        return pages.write_records(self.folder / "points", records, self.header | more | {"points": records})
