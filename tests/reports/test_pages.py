@@ -18,16 +18,20 @@ def marked(name: str, block: str) -> str:
     return f"<!-- begin: {name} -->\n{block}\n<!-- end: {name} -->"
 
 
-def test_a_page_is_renewed_between_its_marks_alone(tmp_path: Path) -> None:
+def test_a_page_is_renewed_between_its_marks_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"# T\n\n{marked('a', 'old')}\n\ntext\n{marked('b', 'kept')}\n", encoding="utf-8")
-    assert pages.renew(page, {"a": r"| new \1 |", "elsewhere": "x"})
+    pages.refresh(page, {"a": r"| new \1 |", "elsewhere": "x"})
     once = page.read_text(encoding="utf-8")
     middle = marked("a", "\n| new \\1 |\n")
     assert once == f"# T\n\n{middle}\n\ntext\n{marked('b', 'kept')}\n"
-    assert pages.renew(page, {"a": r"| new \1 |"})
+    pages.refresh(page, {"a": r"| new \1 |"})
     assert page.read_text(encoding="utf-8") == once
-    assert not pages.renew(page, {"elsewhere": "x"})
+    assert capsys.readouterr().out == 2 * f"renewed {page}\n"
+    pages.refresh(page, {"elsewhere": "x"})
+    assert not capsys.readouterr().out and page.read_text(encoding="utf-8") == once
 
 
 @pytest.mark.parametrize(
@@ -42,7 +46,7 @@ def test_marks_that_do_not_pair_are_refused(tmp_path: Path, text: str) -> None:
     page = tmp_path / "page.md"
     page.write_text(text, encoding="utf-8")
     with pytest.raises(rg.OptionError, match="once each"):
-        pages.renew(page, {"a": "new"})
+        pages.refresh(page, {"a": "new"})
     assert page.read_text(encoding="utf-8") == text
 
 
@@ -91,7 +95,7 @@ def test_pages_that_could_not_be_renewed_are_told_before_the_work(
         Path(page).write_text(marks, encoding="utf-8")
         assert main(line) == 2 and f"there is no {missing} to refresh" in capsys.readouterr().err
     Path(missing).write_text("# T\n", encoding="utf-8")
-    assert main(line) == 2 and f"{missing} has no marks of a block named" in capsys.readouterr().err
+    assert main(line) == 2 and f"{missing}: there are no marks of a block named" in capsys.readouterr().err
     Path(missing).write_text(marks.replace("<!-- end", "<!-- ende"), encoding="utf-8")
     assert main(line) == 2 and "once each, in this order" in capsys.readouterr().err
 
