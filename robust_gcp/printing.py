@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import sys
 import threading
@@ -11,6 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
+
+import numpy as np
 
 from .checks import plain
 
@@ -151,6 +154,17 @@ def write(path: Path, text: str) -> None:
     print(f"wrote {path}")
 
 
+def finite(value: Any) -> Any:
+    """What JSON has: Python's own lists and numbers, null for those that are not finite."""
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [finite(item) for item in value]
+    if isinstance(value, np.generic | np.ndarray):
+        return finite(value.tolist())
+    return value if not isinstance(value, float) or math.isfinite(value) else None
+
+
 def write_json(path: Path, value: Any) -> None:
-    """As `write`, for plain values."""
-    write(path, json.dumps(value, indent=1, ensure_ascii=False) + "\n")
+    """As `write`, for values that `finite` takes."""
+    write(path, json.dumps(finite(value), indent=1, ensure_ascii=False) + "\n")

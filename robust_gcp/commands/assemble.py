@@ -22,7 +22,9 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print the configuration."""
     mechanism = loaded(args)
-    q = mechanism.home if args.q is None else mechanism.assemble(args.q, args.hold)
+    q = mechanism.home
+    if args.q is not None or args.hold is not None:
+        q = mechanism.assemble(q if args.q is None else args.q, args.hold)
     rows = [[component.name, fixed(q[component.iq]), component.unit] for component in in_q(mechanism.joints)]
     say(f"{mechanism!r}\n")
     say(table(["joint", " q", ""], rows, longest=len(rows)))

@@ -60,7 +60,9 @@ REPORTS = (
         ".reports.costs",
     ),
     Command(
-        "benchmark", "time a right-hand side and its parts against the number of loops", ".reports.benchmark"
+        "benchmark",
+        "what steps cost on robots and of many starts, what derivatives cost, every way to a call",
+        ".reports.benchmark",
     ),
     Command(
         "gradients",

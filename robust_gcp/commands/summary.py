@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -12,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from ..mechanism.tree.joints import Component, components_of, in_q, in_v
-from ..printing import fixed, table
+from ..printing import finite, fixed, table
 from ..simulation.trajectories.trajectory import Trajectory
 
 
@@ -81,15 +80,4 @@ def as_json(trajectory: Trajectory, method: str, stop: Exception | None, written
         "stats": asdict(trajectory.stats),
         "written": list(written),
     }
-    return json.dumps(_plain(found), indent=2, ensure_ascii=False, allow_nan=False)
-
-
-def _plain(value: Any) -> Any:
-    """What JSON has: Python's own lists and numbers, null for those that are not finite."""
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, np.generic | np.ndarray):
-        return _plain(value.tolist())
-    return value if not isinstance(value, float) or math.isfinite(value) else None
+    return json.dumps(finite(found), indent=2, ensure_ascii=False, allow_nan=False)

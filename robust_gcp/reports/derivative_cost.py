@@ -17,7 +17,7 @@ from ..kernel.derivatives.derivations import derivation
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from . import pages
-from .robot_speed import robots_in
+from .robots import robots_in
 from .timing import least
 
 SHIPPED: dict[str, Callable[[], Mechanism]] = {
@@ -78,14 +78,19 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> Row | None:
 
 
 def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[Row]:
-    """Of shipped models, or of the robots that are given; without those that the kernel does not take."""
-    made: dict[str, Callable[[], Mechanism | None]] = dict(SHIPPED)
+    """Of shipped models, or of the robots that are given; without those that load or the kernel refuse."""
+    made = dict(SHIPPED)
     if robots is not None:
-        made = {name: partial(_robot, path, base) for name, path in robots.items()}
+        made = {name: partial(load, path, base=base) for name, path in robots.items()}
     found = []
     for name in along(list(made), "benchmark"):
-        mechanism = made[name]()
-        row = None if mechanism is None else measured(name, mechanism, rounds)
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", ModelWarning)
+                mechanism = made[name]()
+        except RobustGcpError:
+            continue
+        row = measured(name, mechanism, rounds)
         found += [] if row is None else [row]
     return found
 
@@ -117,16 +122,6 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
     if out:
         write_json(out, found)
     pages.refresh(page, {block: pages.table([HEADER, *lines], range(1, len(HEADER)))})
-
-
-def _robot(path: Path, base: str | None) -> Mechanism | None:
-    """A robot of a folder; None where its file does not load."""
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)
-            return load(path, base=base)
-    except RobustGcpError:
-        return None
 
 
 def _gradients(mechanism: Mechanism, q: Array, v: Array, step: float, rounds: int) -> dict[str, float]:

@@ -24,7 +24,7 @@ from ..simulation.derivatives.second_derivatives import second_derivatives
 from ..simulation.trajectories.trajectory import Trajectory
 from . import pages, path_accuracy, run_paths
 from .machine import footer, machine
-from .run_paths import MANY, Call, Each
+from .run_paths import EACH, MANY, Call
 from .timing import least
 
 FEW = 16
@@ -77,6 +77,7 @@ def ways(rounds: int) -> list[Way]:
         found.append(Way(what, "regular", 1e6 * base, 1.0, False))
         for where, call in others.items():
             time, warned = _timed(call, rounds)
+            time /= MANY if where == EACH else 1
             why = run_paths.REASONS.get(where, "")
             found.append(Way(what, where, 1e6 * time, time / base, warned, why))
     return found
@@ -138,8 +139,7 @@ def _timed(call: Call, rounds: int) -> tuple[float, bool]:
         call()
         call()
         time = least(call, rounds)
-    each = call.count if isinstance(call, Each) else 1
-    return time / each, any(issubclass(w.category, PerformanceWarning) for w in told)
+    return time, any(issubclass(w.category, PerformanceWarning) for w in told)
 
 
 def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
@@ -168,7 +168,7 @@ def _groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
             others[where] = partial(call, mech, q, fast, np.zeros(mech.nv), **options)
         if what != "linearise":  # of one state
             rows = [np.tile(part, (MANY, 1)) for part in (*regular[1:], np.zeros(3))]
-            others[f"each of {MANY} states"] = Each(partial(call, rocker, *rows), MANY)
+            others[EACH] = partial(call, rocker, *rows)
         if what in ("derivatives", "linearise"):
             others["a wrench"] = partial(call, *regular, np.zeros(3), wrenches=push)
             others["a torque function"] = partial(call, *regular, follow)

@@ -14,19 +14,19 @@ from typing import Literal
 import numpy as np
 import pinocchio as pin
 
-from .. import Mechanism, OptionError, PointClosure, backends, load, simulate
+from .. import Mechanism, PointClosure, backends, load, simulate
 from ..arguments import Arguments, existing_folder, folder, pathname
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
 from ..dynamics.discrete import step_jacobians
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
-from ..printing import along, write_json
+from ..printing import along, write, write_json
 from . import pages, peers
 from .contender import Contender, Scene
 from .growth_report import SHOWN, Row, draw, sentence, tables
 from .machine import footer, machine
-from .throughput import gain
+from .throughput import thread_gain
 from .timing import least
 from .work_precision import ours
 
@@ -159,17 +159,11 @@ def once(quick: bool) -> dict[str, float]:
         "start": start,
         "crossing": crossing,
         "fall in Python": milliseconds(partial(fall, 1.5, "python"), 2) / milliseconds(partial(fall, 1.5)),
-        "threads": thread_gain(crank_rocker, quick=quick),
+        "threads": thread_gain(crank_rocker, quick),
     }
 
 
-def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
-    """How many times the work of one thread two threads do in the same time, best of rounds."""
-    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
-    return gain([work] * 2, 2 if quick else 7)
-
-
-PAGES = ("docs/kernel.md", "README.md")
+PAGES = {"docs/kernel.md": ["growth"], "README.md": ["speed"]}
 """Where the table and the sentence stand."""
 
 
@@ -186,9 +180,7 @@ def run(args: argparse.Namespace) -> int:
     """Print the tables, and write what was asked for."""
     if args.out is not None or args.docs is not None:
         plots.require_matplotlib()
-    for page in PAGES if args.docs is not None else ():
-        if not (args.docs / page).is_file():
-            raise OptionError(f"--docs {args.docs}: there is no {page} to refresh")
+    pages.require_pages(args.docs, PAGES)
     measured = {family: measure(family, args.quick) for family in FAMILIES}
     fixed, about = once(args.quick), machine()
     foot = footer(about)
@@ -198,13 +190,11 @@ def run(args: argparse.Namespace) -> int:
     if not state.available:
         print(f"no compiled kernel: {state.reason}")
     if args.out is not None:
-        args.out.mkdir(parents=True, exist_ok=True)
-        (args.out / "growth.md").write_text(f"{text}\n", encoding="utf-8")
+        write(args.out / "growth.md", f"{text}\n")
         write_json(args.out / "growth.json", {"machine": about, "families": measured, "once": fixed})
         draw(measured, foot, args.out / "growth.png")
     if args.docs is not None:
         draw(measured, foot, args.docs / "docs" / "figures" / "growth.png")
-        blocks = {"growth": text}, {"speed": sentence(measured, fixed)}
-        for page, block in zip(PAGES, blocks, strict=True):
-            pages.refresh(args.docs / page, block)
+        for page in PAGES:
+            pages.refresh(args.docs / page, {"growth": text, "speed": sentence(measured, fixed)})
     return 0

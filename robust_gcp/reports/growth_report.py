@@ -6,8 +6,10 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from ..drawing.figures import style as plots
-from . import pages, timing
+from . import pages
 
 Row = dict[str, float | str]
 """Of one mechanism: its family, size, name, nv and m, and µs of a step by contender."""
@@ -30,7 +32,8 @@ def exponent(rows: Sequence[Row], name: str) -> float | None:
     known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0]
     if len(known) < FITTED:
         return None
-    return timing.exponent(*zip(*known[-FITTED:], strict=True))
+    logs = np.log(known[-FITTED:])
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
 
 
 def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: str) -> str:

@@ -7,9 +7,7 @@ uses.
 
 from __future__ import annotations
 
-import argparse
-import subprocess
-import sys
+import multiprocessing
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,11 +49,10 @@ def _resident() -> float:
 
 def rows(sizes: Sequence[int] = SIZES) -> list[list[str]]:
     """The table's lines."""
+    with multiprocessing.get_context("spawn").Pool(1, maxtasksperchild=1) as fresh:
+        measured = fresh.map(measure, sizes, chunksize=1)
     found = []
-    for count in sizes:
-        words = [sys.executable, "-m", "robust_gcp.reports.memory", "--one", str(count)]
-        done = subprocess.run(words, capture_output=True, text=True, check=True)
-        taken, seconds = map(float, done.stdout.split())
+    for count, (taken, seconds) in zip(sizes, measured, strict=True):
         model = hinges(count)
         size = model.nv, model.njoints
         sizes_mb = workspace_bytes(*size) / 1e6, taken, whole_bytes(*size) / 1e6
@@ -63,17 +60,6 @@ def rows(sizes: Sequence[int] = SIZES) -> list[list[str]]:
     return found
 
 
-def main() -> None:
-    """The command."""
-    parser = argparse.ArgumentParser(description="memory against the number of velocities")
-    parser.add_argument("--one", type=int, help="measure this many revolute joints in this process")
-    options = parser.parse_args()
-    if options.one is not None:
-        print(*measure(options.one))
-        return
+if __name__ == "__main__":
     heading = ["nv", "workspace, MB", "mechanism, measured, MB", "whole pin.Data, MB", "s to make"]
     print(table(heading, rows()))
-
-
-if __name__ == "__main__":
-    main()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,31 +11,8 @@ from typing import Any
 from .. import OptionError
 
 
-def renew(page: Path, blocks: Mapping[str, str]) -> bool:
-    """Put each block between `<!-- begin: name -->` and `<!-- end: name -->` of a page.
-
-    Returns
-    -------
-    bool
-        Whether the page has marks of any of these names; a name without marks is left out.
-
-    Raises
-    ------
-    OptionError
-        When the marks of a name are not there once each, in this order.
-    """
-    found = marked(page, blocks)
-    text = page.read_text(encoding="utf-8")
-    for name in found:
-        begin, end = _marks(name)
-        head, rest = text.split(begin)
-        text = f"{head}{begin}\n{blocks[name].strip()}\n\n{end}{rest.split(end)[1]}"
-    page.write_text(text, encoding="utf-8")
-    return bool(found)
-
-
 def marked(page: Path, names: Iterable[str]) -> list[str]:
-    """Those of the names whose marks the page has; raises as `renew`."""
+    """Those of the names whose marks the page has; raises as `refresh`."""
     text = page.read_text(encoding="utf-8")
     found = []
     for name in names:
@@ -52,25 +28,46 @@ def marked(page: Path, names: Iterable[str]) -> list[str]:
     return found
 
 
-def require_marks(page: Path | None, names: Sequence[str]) -> None:
+def require_marks(page: Path | None, names: Iterable[str], option: str = "--refresh") -> None:
     """Refuse a page to refresh that has no marks of any of these names."""
     if page is not None and not marked(page, names):
-        raise OptionError(f"--refresh {page}: there are no marks of a block named {' or '.join(names)}")
+        raise OptionError(f"{option} {page}: there are no marks of a block named {' or '.join(names)}")
+
+
+def require_pages(root: Path | None, pages: Mapping[str, Iterable[str]]) -> None:
+    """Refuse documents (`--docs`) where one of these pages is missing or has no marks of its blocks."""
+    if root is None:
+        return
+    for page, names in pages.items():
+        if not (root / page).is_file():
+            raise OptionError(f"--docs {root}: there is no {page} to refresh")
+        require_marks(root / page, names, "--docs")
 
 
 def refresh(page: Path | None, blocks: Mapping[str, str]) -> None:
-    """Renew the blocks of a page that is named, and tell."""
-    if page is not None and renew(page, blocks):
-        print(f"renewed {page}")
+    """Put each block between `<!-- begin: name -->` and `<!-- end: name -->` of a page, and tell.
+
+    A name without marks is left out; without a page nothing is done.
+
+    Raises
+    ------
+    OptionError
+        When the marks of a name are not there once each, in this order.
+    """
+    found = [] if page is None else marked(page, blocks)
+    if page is None or not found:
+        return
+    text = page.read_text(encoding="utf-8")
+    for name in found:
+        begin, end = _marks(name)
+        head, rest = text.split(begin)
+        text = f"{head}{begin}\n{blocks[name].strip()}\n\n{end}{rest.split(end)[1]}"
+    page.write_text(text, encoding="utf-8")
+    print(f"renewed {page}")
 
 
 def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
-
-
-def plain(values: Mapping[str, Any]) -> dict[str, Any]:
-    """The values of a record, None for what is not finite."""
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in values.items()}
 
 
 def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> list[Path]:

@@ -118,16 +118,22 @@ def tried(file: Path, name: str, duration: float, step: float | None, speed: flo
     return entry
 
 
+def robots_in(folder: Path) -> Iterator[Path]:
+    """What `load` takes in a folder and those below it: folders with robot.yaml, and robots' other files."""
+    model = (folder / "robot.yaml").is_file()
+    if model:
+        yield folder
+    for path in sorted(folder.iterdir()):
+        if path.is_dir():
+            yield from robots_in(path)
+        elif path.suffix in READERS and not (model and path.suffix in (".urdf", ".xml")):
+            yield path
+
+
 def files_below(folder: Path) -> Iterator[Path]:
-    """Model folders, and other robots' files that are models by themselves."""
-    for path in sorted(folder.rglob("*")):
-        if path.name == "robot.yaml":
-            yield path.parent
-        elif path.suffix not in READERS or (
-            path.suffix in (".urdf", ".xml") and (path.parent / "robot.yaml").exists()
-        ):
-            continue
-        elif path.suffix != ".xml" or "<worldbody" in path.read_text(encoding="utf-8", errors="replace"):
+    """Those that are models by themselves: other *.xml are parts of models."""
+    for path in robots_in(folder):
+        if path.suffix != ".xml" or "<worldbody" in path.read_text(encoding="utf-8", errors="replace"):
             yield path
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -32,19 +31,10 @@ REASONS = {
 MANY = 1024
 """States in one call."""
 
+EACH = f"each of {MANY} states"
+"""Where a call is of all of them, and the share of one is told."""
+
 Call = Callable[[], object]
-
-
-@dataclass(frozen=True)
-class Each:
-    """A call for so many states, whose share is told."""
-
-    call: Call
-    count: int
-
-    def __call__(self) -> object:
-        """The whole call."""
-        return self.call()
 
 
 def groups() -> Iterator[tuple[str, Call, dict[str, Call]]]:
@@ -112,7 +102,7 @@ def analyses() -> Iterator[tuple[str, Call, dict[str, Call]]]:
         partial(closed, off),
         {
             "beside a crossing of modes": partial(closed, near),
-            f"each of {MANY} states": Each(partial(closed, np.tile(off, (MANY, 1))), MANY),
+            EACH: partial(closed, np.tile(off, (MANY, 1))),
         },
     )
 

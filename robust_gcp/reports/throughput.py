@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
+import os
 import threading
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
-from .. import Batch, Mechanism
+from .. import Batch, Mechanism, load, simulate
 from ..checks import real_array
+from ..printing import along, table, write_json
 from ..simulation.batches.many import Start, simulate_many
 from .timing import in_turn, seconds
 
@@ -31,7 +35,31 @@ def gain(works: Sequence[Callable[[], object]], rounds: int) -> float:
     return len(works) * alone / together
 
 
+def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
+    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
+    return gain([work] * 2, 2 if quick else 7)
+
+
+MANY = ("crank_rocker", "rhombus", "five_bar", "slider_crank", "walker", "stewart")
+"""Shipped models that are timed."""
+
 HEADER = ("mechanism", " threads", " simulate_many", " Batch", " mujoco.rollout", " ratio", "note")
+
+
+def tell(count: int, quick: bool, out: Path | None) -> None:
+    """Print the table of so many starts, and write it where that is wanted."""
+    steps, step, rounds = (50, 1e-3, 1) if quick else (500, 1e-3, 3)
+    threads = sorted({1, os.cpu_count() or 1})
+    rows = [
+        measured(name, load(name), count, steps, step, many, rounds)
+        for name, many in along(list(itertools.product(MANY, threads)), "benchmark")
+    ]
+    print(f"steps per second of RK4, {count} starts of {steps} steps of {step:g} s, best of {rounds} rounds;")
+    print("MuJoCo: RK4 with connect as hard as it goes")
+    print(table(HEADER, rows, None))
+    if out:
+        write_json(out, [dict(zip(map(str.strip, HEADER), row, strict=True)) for row in rows])
 
 
 def starts_of(mechanism: Mechanism, count: int) -> list[Start]:

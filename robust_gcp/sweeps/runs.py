@@ -5,9 +5,10 @@ from __future__ import annotations
 import inspect
 import itertools
 from collections import Counter
-from collections.abc import Callable, Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 from pickle import dumps
@@ -19,7 +20,7 @@ from ..mechanism.mechanism import Mechanism
 from .file import SweepFile
 from .pool import Task, here, on_executor, on_processes, on_threads
 from .record import Records, RunRecord, key
-from .worker import OPTIONS, Build, Keep, runs_natively
+from .worker import OPTIONS, Build, Keep, Outcome, runs_natively
 
 Progress = bool | Callable[[int, int], None]
 
@@ -135,9 +136,9 @@ def sweep_as_completed(
     Closing the iterator, or an interruption (Ctrl-C), cancels what is left and ends the workers.
     See `sweep` for parameters and errors.
     """
-    merged = _merged(runs, shared)
-    _check(build, merged, executor, workers, file, keep, progress)
-    return _records(build, merged, executor, workers, file, keep, progress)
+    asked = _Asked(build, _merged(runs, shared), executor, workers, file, keep, progress)
+    asked.check()
+    return asked.records()
 
 
 def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -150,40 +151,84 @@ def _merged(runs: Iterable[Mapping[str, Any]], shared: Mapping[str, Any]) -> lis
     return merged
 
 
-def _check(
-    build: Build,
-    runs: list[dict[str, Any]],
-    executor: Executor | None,
-    workers: int | None,
-    file: str | Path | None,
-    keep: Keep,
-    progress: Progress,
-) -> None:
-    """Refuse bad arguments before anything is computed."""
-    if not isinstance(build, str | Path | Mechanism) and not callable(build):
-        raise OptionError(
-            f"build = {shown(build)} must be a model's name or folder, a Mechanism, or a function making one"
-        )
-    if executor is not None and not isinstance(executor, Executor):
-        raise OptionError(f"executor = {shown(executor)} must be a concurrent.futures.Executor")
-    if workers is not None:
-        check_number("workers", workers)
-        if workers < 0 or not float(workers).is_integer():
-            raise OptionError(f"workers = {workers} must be a number of processes, 0 or more")
-        if executor is not None:
-            raise OptionError("workers goes with processes of the sweep's own, not with executor")
-    if not callable(keep) and shown(keep) not in map(repr, ("summary", "trajectory")):
-        raise OptionError(
-            f'keep = {shown(keep)} must be "summary", "trajectory", or a function of the trajectory'
-        )
-    if file is not None and keep == "trajectory":
-        raise OptionError(
-            'keep = "trajectory" does not go to a file; keep a function that returns the numbers you need'
-        )
-    if not isinstance(progress, bool):
-        check_callable("progress", progress, "(done, total), or True or False")
-    for i, run in enumerate(runs):
-        _check_run(build, i, run)
+@dataclass(frozen=True)
+class _Asked:
+    """The arguments of a sweep; each run's parameters with what all share."""
+
+    build: Build
+    runs: list[dict[str, Any]]
+    executor: Executor | None
+    workers: int | None
+    file: str | Path | None
+    keep: Keep
+    progress: Progress
+
+    def check(self) -> None:
+        """Refuse bad arguments before anything is computed."""
+        workers, keep = self.workers, self.keep
+        if not isinstance(self.build, str | Path | Mechanism) and not callable(self.build):
+            raise OptionError(
+                f"build = {shown(self.build)} must be a model's name or folder, a Mechanism, or a function "
+                "making one"
+            )
+        if self.executor is not None and not isinstance(self.executor, Executor):
+            raise OptionError(f"executor = {shown(self.executor)} must be a concurrent.futures.Executor")
+        if workers is not None:
+            check_number("workers", workers)
+            if workers < 0 or not float(workers).is_integer():
+                raise OptionError(f"workers = {workers} must be a number of processes, 0 or more")
+            if self.executor is not None:
+                raise OptionError("workers goes with processes of the sweep's own, not with executor")
+        if not callable(keep) and shown(keep) not in map(repr, ("summary", "trajectory")):
+            raise OptionError(
+                f'keep = {shown(keep)} must be "summary", "trajectory", or a function of the trajectory'
+            )
+        if self.file is not None and keep == "trajectory":
+            raise OptionError(
+                'keep = "trajectory" does not go to a file; keep a function that returns the numbers you need'
+            )
+        if not isinstance(self.progress, bool):
+            check_callable("progress", self.progress, "(done, total), or True or False")
+        for i, run in enumerate(self.runs):
+            _check_run(self.build, i, run)
+
+    def records(self) -> Generator[RunRecord, None, None]:
+        """Those of the file first, then each as its run ends."""
+        names = _names(self.runs) if self.file is not None else []
+        with ExitStack() as stack:
+            one_more = stack.enter_context(_counting(self.progress, len(self.runs)))
+            kept = None
+            if self.file is not None:
+                identity = {"build": _identity(self.build), "keep": self.keep}
+                kept = stack.enter_context(SweepFile(self.file, identity))
+            tasks: list[Task] = []
+            for i, run in enumerate(self.runs):
+                line = None if kept is None else kept.done.get(names[i])
+                if kept is None or line is None or (line["failure"] and not line["failure"]["ours"]):
+                    tasks.append((i, run))
+                    continue
+                one_more()
+                yield kept.record(line, i, run)
+            if not tasks:
+                return
+            outcomes = self._outcomes(tasks)
+            stack.callback(outcomes.close)
+            for index, outcome in outcomes:
+                record = RunRecord(index, self.runs[index], outcome.summary, outcome.kept, outcome.failure)
+                if kept is not None:
+                    record = kept.append(record, names[index][1])
+                one_more()
+                yield record
+
+    def _outcomes(self, tasks: list[Task]) -> Generator[tuple[int, Outcome], None, None]:
+        """As the runs end, wherever they are computed."""
+        if self.executor is not None:
+            return on_executor(self.executor, self.build, self.keep, tasks)
+        if self.workers == 0:
+            return here(self.build, self.keep, tasks)
+        if self.workers is None and all(runs_natively(run) for _, run in tasks):
+            return on_threads(self.build, self.keep, tasks)
+        return on_processes(None if self.workers is None else int(self.workers), self.build, self.keep, tasks)
 
 
 def _check_run(build: Build, i: int, run: Mapping[str, Any]) -> None:
@@ -211,49 +256,6 @@ def _check_run(build: Build, i: int, run: Mapping[str, Any]) -> None:
         return  # a callable without a signature: it will say so itself
 
 
-def _records(
-    build: Build,
-    runs: list[dict[str, Any]],
-    executor: Executor | None,
-    workers: int | None,
-    file: str | Path | None,
-    keep: Keep,
-    progress: Progress,
-) -> Generator[RunRecord, None, None]:
-    names = _names(runs) if file is not None else []
-    with ExitStack() as stack:
-        told = stack.enter_context(_Told(progress, len(runs)))
-        kept = None
-        if file is not None:
-            identity = {"build": _identity(build), "keep": keep}
-            kept = stack.enter_context(SweepFile(file, identity))
-        tasks: list[Task] = []
-        for i, run in enumerate(runs):
-            line = None if kept is None else kept.done.get(names[i])
-            if kept is None or line is None or (line["failure"] and not line["failure"]["ours"]):
-                tasks.append((i, run))
-                continue
-            told.one_more()
-            yield kept.record(line, i, run)
-        if not tasks:
-            return
-        if executor is not None:
-            outcomes = on_executor(executor, build, keep, tasks)
-        elif workers == 0:
-            outcomes = here(build, keep, tasks)
-        elif workers is None and all(runs_natively(run) for _, run in tasks):
-            outcomes = on_threads(build, keep, tasks)
-        else:
-            outcomes = on_processes(None if workers is None else int(workers), build, keep, tasks)
-        stack.callback(outcomes.close)
-        for index, outcome in outcomes:
-            record = RunRecord(index, runs[index], outcome.summary, outcome.kept, outcome.failure)
-            if kept is not None:
-                record = kept.append(record, names[index][1])
-            told.one_more()
-            yield record
-
-
 def _names(runs: list[dict[str, Any]]) -> list[tuple[str, int]]:
     """Each run's key in the file, and how many runs before it have the same parameters."""
     seen: Counter[str] = Counter()
@@ -272,28 +274,16 @@ def _identity(build: Build) -> Any:
     return build
 
 
-class _Told:
-    """Progress, as it was asked for."""
+@contextmanager
+def _counting(progress: Progress, total: int) -> Iterator[Callable[[], object]]:
+    """What is called for each run that has ended, to tell of progress as it was asked for."""
+    if callable(progress):
+        done = itertools.count(1)
+        yield lambda: progress(next(done), total)
+    elif progress:
+        from tqdm import tqdm
 
-    def __init__(self, progress: Progress, total: int) -> None:
-        self.progress, self.total, self.done = progress, total, 0
-        self.bar: Any = None
-
-    def __enter__(self) -> _Told:
-        if self.progress is True:
-            from tqdm import tqdm
-
-            self.bar = tqdm(total=self.total, unit="run")
-        return self
-
-    def one_more(self) -> None:
-        """A run has ended."""
-        self.done += 1
-        if self.bar is not None:
-            self.bar.update()
-        elif callable(self.progress):
-            self.progress(self.done, self.total)
-
-    def __exit__(self, *error: object) -> None:
-        if self.bar is not None:
-            self.bar.close()
+        with tqdm(total=total, unit="run") as bar:
+            yield bar.update
+    else:
+        yield lambda: None

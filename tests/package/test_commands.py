@@ -101,6 +101,13 @@ def test_summary_tells_state_certificates_crossings_and_cost(capsys: Capture) ->
     assert max(map(len, out.splitlines())) <= 80
 
 
+def test_joints_to_hold_are_looked_at_without_a_guess_too(capsys: Capture) -> None:
+    assert main(["assemble", "rhombus", "--hold", "q1"]) == 0
+    assert "q1      0.20000000" in capsys.readouterr().out
+    assert main(["assemble", "rhombus", "--hold", "none"]) == 2
+    assert "no joint 'none'" in capsys.readouterr().err
+
+
 def test_csv_holds_the_trajectory_to_the_last_digit(tmp_path: Path, capsys: Capture) -> None:
     record = ["--record", "a,energy,multipliers"]
     start = ["--q0", "-0.3", "0.3", "-0.3", "--v0", "-1", "1", "-1"]

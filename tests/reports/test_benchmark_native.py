@@ -13,9 +13,11 @@ import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.io.loader import models_folder
-from robust_gcp.reports.benchmark import native_seconds, thread_gain
+from robust_gcp.reports import throughput
 from robust_gcp.reports.peers.compiled import why_not
-from robust_gcp.reports.robot_speed import batches, measured, robots_in
+from robust_gcp.reports.robot_speed import batches, measured
+from robust_gcp.reports.robots import robots_in
+from robust_gcp.reports.throughput import thread_gain
 
 from ..compiled import needs_kernel
 
@@ -24,14 +26,14 @@ pytestmark = needs_kernel
 
 def test_a_step_costs_microseconds() -> None:
     """Some 2 µs for one loop, which grows with the loops and stays far below Python's milliseconds."""
-    one, ten = native_seconds(n_four_bar(1, 1.2)), native_seconds(n_four_bar(10, 1.2))
-    assert 0.0 < one["native_step"] < ten["native_step"] < np.inf
-    assert one["native_newton"] == 0.0  # on the parallelogram mode G is constant: predictions are exact
+    one, ten = (batches(n_four_bar(n, 1.2), 100) for n in (1, 10))
+    assert 0.0 < min(one()[0] for _ in range(50)) < min(ten()[0] for _ in range(50)) < np.inf
+    assert one()[1] == 0.0  # on the parallelogram mode G is constant: predictions are exact
 
 
 def test_two_threads_run() -> None:
     """Two threads finish what two threads were given; how much faster depends on what else runs."""
-    assert 0.0 < thread_gain(rg.load("crank_rocker"), steps=500) < np.inf
+    assert 0.0 < thread_gain(rg.load("crank_rocker"), quick=True) < np.inf
 
 
 def test_a_batch_that_stops_early_is_no_measurement() -> None:
@@ -49,14 +51,16 @@ def test_robots_of_a_folder_are_timed_beside_pinocchio(
     for name in ("crank_rocker", "stewart"):
         shutil.copytree(models_folder() / name, tmp_path / "found" / name)
     (tmp_path / "none.xml").write_text("<mujoco/>", encoding="utf-8")
+    (tmp_path / "none.sdf").write_text("<sdf/>", encoding="utf-8")
     assert list(robots_in(tmp_path)) == [
         tmp_path / "found" / "crank_rocker",
         tmp_path / "found" / "stewart",
+        tmp_path / "none.sdf",
         tmp_path / "none.xml",
     ]
     rows = [measured(path, path.name, None, 2) for path in robots_in(tmp_path)]
-    assert [row.nv for row in rows] == [3, 24, 0]
-    assert rows[2].note and np.isnan(rows[2].step)
+    assert [row.nv for row in rows] == [3, 24, 0, 0]
+    assert all(row.note and np.isnan(row.step) for row in rows[2:])
     for row in rows[:2]:
         assert 1e-1 < row.step < 1e4
         if not why_not():
@@ -80,6 +84,42 @@ def test_what_derivatives_cost_is_told_and_renews_its_page(
     assert row["gradient"] > 0.0
     text = page.read_text(encoding="utf-8")
     assert "| crank_rocker | 3 | 1 |" in text and "old" not in text
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--refresh page.md", "--refresh does not go with --shipped"),
+        ("--starts 2 --paths", "--paths does not go with --starts"),
+        ("--derivatives --shipped", "--shipped does not go with --derivatives"),
+        ("--paths --base free", "--base does not go with --paths"),
+        ("--shipped --refresh page.md", "--refresh does not go with --shipped"),
+    ],
+)
+def test_options_that_would_not_be_looked_at_are_refused(
+    line: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("page.md").write_text("# T\n", encoding="utf-8")
+    assert main(["reports", "benchmark", "--quick", *line.split()]) == 2
+    assert words in capsys.readouterr().err
+
+
+def test_shipped_robots_are_measured_where_no_option_says_what(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reports", "benchmark", "--quick"]) == 0
+    assert "stewart" in capsys.readouterr().out
+
+
+def test_steps_of_many_starts_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Under the names of the table's columns."""
+    monkeypatch.setattr(throughput, "MANY", ("rhombus",))
+    out = tmp_path / "starts.json"
+    assert main(["reports", "benchmark", "--starts", "2", "--quick", "--out", str(out)]) == 0
+    rows = json.loads(out.read_text(encoding="utf-8"))
+    assert {row["mechanism"] for row in rows} == {"rhombus"} and float(rows[0]["Batch"]) > 0.0
+    assert rows[0]["simulate_many"] in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("line", ("--derivatives", ""))

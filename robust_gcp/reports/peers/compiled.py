@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from ... import JointDamper, JointSpring, JointTorque, Mechanism, PointSpring
+from ... import JointDamper, JointSpring, Mechanism, PointSpring
 from ...kernel import build
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import BOUND
-from .parts import closure_places, frame_place, held_points
+from .parts import closure_places, constant_torques, frame_place, held_points
 
 SOURCE = Path(__file__).with_name("pinocchio_loop.cpp")
 ALGORITHMS = ("constraintDynamics", "lcaba", "aba")
@@ -92,11 +92,10 @@ def make() -> Path:
     for folder in build.headers(*HEADERS):
         command += ["-isystem", str(folder)]
     try:
-        wanted.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=wanted.parent) as scratch:
+        with tempfile.TemporaryDirectory() as scratch:
             made = Path(scratch) / wanted.name
             build.call([*command, "-shared", str(SOURCE), "-o", str(made)], [])
-            made.replace(wanted)
+            build.install(made, wanted)
     except OSError as error:
         raise build.BuildError(f"{wanted}: {error.strerror}; XDG_CACHE_HOME names another folder") from error
     return wanted
@@ -223,7 +222,7 @@ def _closures(mechanism: Mechanism) -> dict[str, Any]:
 
 
 def _forces(mechanism: Mechanism) -> dict[str, Any]:
-    damping, drive = np.zeros(mechanism.nv), np.zeros(mechanism.nv)
+    damping = np.zeros(mechanism.nv)
     found: dict[str, list[Any]] = {name: [] for name in ("spring_at", "spring", "line_joint", "line")}
     for force in mechanism.forces:
         if isinstance(force, PointSpring):
@@ -238,9 +237,7 @@ def _forces(mechanism: Mechanism) -> dict[str, Any]:
             found["spring"].append([force.stiffness, force.rest])
         elif isinstance(force, JointDamper):
             damping[joint.v] += force.damping
-        elif isinstance(force, JointTorque):
-            drive[joint.idx_v] += force.torque
-    return {"damping": damping, "drive": drive, **found}
+    return {"damping": damping, "drive": constant_torques(mechanism), **found}
 
 
 def main() -> int:

@@ -141,11 +141,11 @@ def exudyn_candidates() -> list[Contender]:
 CANDIDATES = {"pinocchio": pinocchio_candidates, "mujoco": mujoco_candidates, "exudyn": exudyn_candidates}
 
 
-def main(argv: Sequence[str] | None = None) -> int:
+def main() -> int:
     """Print the table of one tool's candidates."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("tool", choices=CANDIDATES)
-    args = parser.parse_args(argv)
+    args = parser.parse_args()
     regular, singular = (list(scenes(names, SHIFTS)) for names in (REGULAR, SINGULAR))
     candidates = CANDIDATES[args.tool]()
     rows = [

@@ -76,17 +76,16 @@ def run(args: argparse.Namespace) -> int:
         best += _best_of(known[name], args, own, where)
     rows = [reached_row(one) for one in best]
     print(table(REACHED, rows, None))
-    print(footer(where, today))
+    foot = footer(where, today)
+    print(foot)
     if args.out is not None:
         write_json(args.out / "benchmarks.json", {
             "machine": where, "date": today,
             "values": [asdict(value) for value in values], "reached": [asdict(one) for one in best],
         })  # fmt: skip
-        print(f"wrote {args.out}")
-    measured_at = f"\n\n*{footer(where, today)}*"
     pages.refresh(args.refresh, {
         "published values": pages.table([PUBLISHED, *published], (2, 3, 4)),
-        "published benchmarks": pages.table([REACHED, *rows], range(3, len(REACHED))) + measured_at,
+        "published benchmarks": pages.table([REACHED, *rows], range(3, len(REACHED))) + f"\n\n*{foot}*",
     })  # fmt: skip
     return 0
 

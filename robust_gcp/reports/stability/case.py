@@ -32,7 +32,7 @@ class Setting:
     # rtol, atol: of the adaptive steppers
     rtol: float = 1e-8
     atol: float = 1e-10
-    name: str = ""  # heading of the column; made from the others when empty
+    name: str = ""  # heading of the column; made from stepper and step or tolerance when empty
 
     @property
     def options(self) -> dict[str, Any]:
@@ -52,8 +52,7 @@ class Setting:
         """Heading of the column; cells of one family with the same label share it."""
         if self.name:
             return self.name
-        stepper = f"RK4 {self.step:g} s" if self.stepper == "rk4" else f"{self.stepper} {self.rtol:g}"
-        return stepper if self.method == "bridge" else f"{stepper} {self.method}"
+        return f"RK4 {self.step:g} s" if self.stepper == "rk4" else f"{self.stepper} {self.rtol:g}"
 
 
 Allowed = float | Callable[[Setting, Stats], float]

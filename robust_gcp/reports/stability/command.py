@@ -6,7 +6,6 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ... import OptionError
 from ...arguments import Arguments, existing_folder, folder, pathname, word
 from ...drawing.figures import style as plots
 from ...printing import table
@@ -39,24 +38,22 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Write tables and maps, print the summary; exit code 1 when a cell is wrong."""
     plots.require_matplotlib()
-    page = None if args.docs is None else args.docs / PAGE
-    if page is not None and not page.is_file():
-        raise OptionError(f"--docs {args.docs}: there is no {PAGE} to refresh")
     known, whole = families(), args.case is None
+    pages.require_pages(args.docs, {PAGE: args.case or known})
     cells = judge_all([case for name in args.case or known for case in known[name](args.quick)])
     bounds = [measure(*system) for system in systems(args.quick).items()] if whole else []
     found = strides(args.quick) if whole else []
     paths = report.write(args.out, cells, bounds, found)
     paths += draw(args.out, cells, whole)
-    if page is not None:
+    if args.docs is not None:
         sections = report.blocks(cells, bounds, found)
         if not whole:  # of all families
             sections = {name: text for name, text in sections.items() if name not in ("summary", "reasons")}
-        pages.renew(page, sections)
-        paths += [page, *draw(args.docs / "figures", cells, whole)]
+        pages.refresh(args.docs / PAGE, sections)
+        paths += draw(args.docs / "figures", cells, whole)
         readme = args.docs.parent / "README.md"
-        if whole and readme.is_file() and pages.renew(readme, {"stability": report.sentence(cells)}):
-            paths.append(readme)
+        if whole and readme.is_file():
+            pages.refresh(readme, {"stability": report.sentence(cells)})
     _tell(cells)
     for path in paths:
         print(f"wrote {path}")

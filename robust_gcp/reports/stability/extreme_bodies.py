@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pinocchio as pin
 
+from ...examples.families import Lengths
 from ...examples.linkages import four_bar, swinging_four_bar
 from ...simulation.runs.stats import Stats
 from .case import Case, Families, Start, at_rest, family, row
@@ -16,7 +17,6 @@ from .extreme_tools import (
     CHANGE_POINT,
     CRANK_ROCKER,
     RHOMBUS,
-    Lengths,
     Motion,
     Truth,
     changed,

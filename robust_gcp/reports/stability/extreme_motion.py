@@ -10,12 +10,13 @@ from functools import cache
 import numpy as np
 from scipy.optimize import brentq
 
+from ...examples.families import Lengths
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
 from ..stepping import stepped
 from .case import Case, Families, Setting, family, row
 from .extreme_bodies import LINKAGES
-from .extreme_tools import ANTIPARALLELOGRAM, CHANGE_POINT, RHOMBUS, Lengths, Motion, columns, four_bar_row
+from .extreme_tools import ANTIPARALLELOGRAM, CHANGE_POINT, RHOMBUS, Motion, columns, four_bar_row
 from .truth import TANGENT, A, B
 
 FAMILIES: Families = {}

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ... import OptionError
+from ...examples.families import Lengths
 from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
 from .case import Case, Families, Start, family, row
@@ -17,7 +18,6 @@ from .extreme_tools import (
     ANTIPARALLELOGRAM,
     CHANGE_POINT,
     RHOMBUS,
-    Lengths,
     Motion,
     Truth,
     columns,

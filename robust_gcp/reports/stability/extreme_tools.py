@@ -14,6 +14,7 @@ import pinocchio as pin
 
 from ... import Mechanism, RobustGcpError, Stats, Trajectory, simulate
 from ...dynamics.problem import initial_value_problem
+from ...examples.families import Lengths
 from ...examples.linkages import four_bar
 from ...maps.choice import MapChoice
 from ...maps.closed_form import FourBar
@@ -44,7 +45,6 @@ LOOSE = 10.0
 LEAST = 1e-11
 """rad: an error below is rounding."""
 
-Lengths = tuple[float, float, float, float]
 EXACT: dict[str, Any] = {"stepper": "DOP853", "rtol": 1e-13, "atol": 1e-13}
 
 

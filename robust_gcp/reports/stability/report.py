@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from ...printing import finite
 from .. import pages
 from ..pages import table
 from .bound import Bound, Stride
@@ -35,7 +36,7 @@ def record(cell: Cell) -> dict[str, Any]:
     """Plain values, in the order of the columns."""
     names = [field.name for field in fields(cell)][2:]
     judged = {name: getattr(cell, name) for name in names} | {"seconds": round(cell.seconds, 4)}
-    return pages.plain(
+    return finite(
         {"family": cell.case.family, "case": cell.case.name, "setting": cell.setting.label} | judged
     )
 
@@ -52,7 +53,7 @@ def write(
             {"name": b.name, "real": b.eigenvalue.real, "imag": b.eigenvalue.imag,
              "predicted": b.predicted, "measured": b.measured} for b in bounds
         ],
-        "strides": [pages.plain(vars(s)) for s in strides],
+        "strides": [finite(vars(s)) for s in strides],
     }  # fmt: skip
     sections = blocks(cells, bounds, strides)
     text = "\n\n".join(f"## {name}\n\n{block}" for name, block in sections.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 import numpy as np
@@ -52,6 +52,11 @@ def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
     mechanism = servo.mechanism()
     floors = cache(servo.floor)
 
+    @cache
+    def exact(times: bytes) -> Array:
+        """Columns of the row share their output times."""
+        return servo.exact(np.frombuffer(times))
+
     def allowed(setting: Setting, stats: Stats) -> float:
         if setting.stepper != "rk4":
             return WITHIN * setting.rtol
@@ -64,24 +69,11 @@ def _servo_case(name: str, servo: Servo, settings: Sequence[Setting]) -> Case:
         duration,
         tuple(settings),
         allowed,
-        cache_by_length(servo.exact),
+        lambda t: exact(t.tobytes()),
         mode_kept=lambda q: bool(np.abs(q - q[:, :1] * TANGENT).max() < 1e-6),
         energy_scale=max(B, servo.k * servo.r0**2, servo.c * servo.nu * servo.r0**2),
         more={"torque": servo.torque},
     )
-
-
-def cache_by_length(reference: Callable[[Array], Array]) -> Callable[[Array], Array]:
-    """Keep the last answer for each number of times: columns of one row share their output times."""
-    kept: dict[tuple[int, float], Array] = {}
-
-    def at(t: Array) -> Array:
-        key = (len(t), float(t[-1]))
-        if key not in kept:
-            kept[key] = reference(t)
-        return kept[key]
-
-    return at
 
 
 def _columns(*steppers: str, steps: Sequence[float] = (1e-3, 2e-4)) -> tuple[Setting, ...]:

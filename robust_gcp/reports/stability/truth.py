@@ -32,9 +32,9 @@ class Servo:
     # k, c: N m/rad, N m s/rad
     k: float
     c: float
-    # r0, nu: rad, rad/s
-    r0: float = 0.5
-    nu: float = 4.0
+
+    r0, nu = 0.5, 4.0
+    """rad, rad/s"""
 
     @cached_property
     def y0(self) -> float:

@@ -15,7 +15,7 @@ from ...arguments import Arguments, existing_folder, folder, number, part, pathn
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
 from ...printing import along
-from .. import peers
+from .. import pages
 from ..contender import Contender, Scene
 from ..machine import THREADS
 from ..tools import tools
@@ -52,14 +52,13 @@ class Study:
         return self.reference(scene.name).q
 
     def reference(self, name: str) -> Reference:
-        """The scene's exact motion, from the store."""
+        """The scene's exact motion, computed once."""
         if name not in self.references:
-            self.references[name] = self.store.reference(self.motions[name])
+            self.references[name] = self.motions[name].solve()
         return self.references[name]
 
     def run(self) -> None:
         """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
-        floors = {s: floor.Floor(s, lambda name: self.motions[name].floor) for s in floor.STEPPERS}
         plan: list[tuple[Motion, Contender, list[float]]] = []
         for name, motion in self.motions.items():
             compared: dict[str, list[float]] = {}
@@ -73,7 +72,7 @@ class Study:
                     plan.append((motion, contender, settings))
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
-            plan += [(motion, floors[stepper], settings) for stepper, settings in compared.items()]
+            plan += [(motion, floor.Floor(s, motion.floor), settings) for s, settings in compared.items()]
         for each in along(plan, "work-precision"):
             for point in self._points(*each):
                 self.store.add(point)
@@ -103,7 +102,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add(
         "--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute"
     )
-    text = "points, references, tables and figures"
+    text = "points, tables and figures"
     add_to.add("--out", folder, type=pathname, required=True, metavar="DIR", help=text)
     text = "timed runs of each point; default: 3, quick: 1"
     add_to.add("--repeats", whole(1), type=int, metavar="N", help=text)
@@ -117,6 +116,7 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print verdicts and table, write data and figures."""
     plots.require_matplotlib()
+    pages.require_pages(args.docs, report.PAGES)
     if not any(name in os.environ for name in THREADS):
         return _single_threaded(args)
     scenes = args.scene or (QUICK_SCENES if args.quick else SCENES)
@@ -126,13 +126,8 @@ def run(args: argparse.Namespace) -> int:
     if store.points:
         print(f"going on from {len(store.points)} points in {args.out}")
     study = Study(scenes, args.method, store, repeats, args.quick, args.cap)
-    try:
-        study.run()
-    finally:
-        store.export({"references": {name: r.source for name, r in study.references.items()}})
-    for path in report.write(
-        study.motions, study.reference, study.contenders, store, peers.missing(), study.refused, args.docs
-    ):
+    study.run()
+    for path in report.write(study, args.docs):
         print(f"wrote {path}")
     return 0
 

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -50,44 +49,29 @@ SMALL: dict[str, Any] = {
 }
 
 
-def draw_scene(title: str, curves: Curves, reference: Reference, foot: str, path: Path) -> Path:
-    """All panels of a scene; returns the path."""
-    with _scene(title, curves, reference, foot, path, (4, 1.95)) as (grid, styles):
-        closure, velocity = "closure: max |φ|", "closure: max |K v|"
-        _defect_panel(grid[2][0], curves, styles, lambda p: p.closure, closure, KINDS)
-        _defect_panel(grid[2][1], curves, styles, lambda p: p.closure_velocity, velocity, KINDS)
-        for ax, kind in zip(grid[3], KINDS, strict=True):
-            label = f"energy error, {KINDS[kind]}"
-            _defect_panel(ax, curves, styles, lambda p: p.energy, label, (kind,))
-    return path
-
-
-def draw_story(title: str, curves: Curves, reference: Reference, foot: str, path: Path) -> Path:
-    """One scene for a page: trajectory error against seconds, fixed steps and error control."""
-    with _scene(title, curves, reference, foot, path, (1, 3.2), PAGE_DPI) as (grid, _):
-        grid[0][1].set_ylabel("")
-    return path
-
-
-@contextmanager
-def _scene(
-    title: str, curves: Curves, reference: Reference, foot: str, path: Path, rows: tuple[int, float],
-    dpi: int = plots.DPI,
-) -> Iterator[tuple[list[list[Axes]], dict[str, Look]]]:  # fmt: skip
-    """Rows of panels; trajectory errors in the first, others are drawn into, then all is saved."""
-    with _style():
+def draw(title: str, curves: Curves, reference: Reference, foot: str, path: Path, whole: bool = True) -> Path:
+    """All panels of a scene, or for a page those of the error against seconds alone; returns the path."""
+    rows, height, dpi = (4, 1.95, plots.DPI) if whole else (1, 3.2, PAGE_DPI)
+    with plots.style(), plots.require_matplotlib().rc_context(SMALL):
         styles = looks([(n, curve[0].family) for n, curve in curves.items() if any(p.timed for p in curve)])
-        figure, grid = _laid_out(*rows, _handles(curves, styles, reference), foot)
-        shown = [row for row, _ in zip(grid, QUANTITIES, strict=False)]
-        for row, (quantity, label) in zip(shown, QUANTITIES.items(), strict=False):
+        figure, grid = _laid_out(rows, height, _handles(curves, styles, reference), foot)
+        shown = grid[: len(QUANTITIES)]
+        for row, quantity in zip(shown, QUANTITIES, strict=False):
             for ax, kind in zip(row, KINDS, strict=True):
                 _trajectory_panel(ax, curves, styles, reference, kind, quantity)
-                ax.set_xlabel(label)
-        yield grid, styles
+        if whole:
+            closure, velocity = "closure: max |φ|", "closure: max |K v|"
+            _defect_panel(grid[2][0], curves, styles, lambda p: p.closure, closure, KINDS)
+            _defect_panel(grid[2][1], curves, styles, lambda p: p.closure_velocity, velocity, KINDS)
+            for ax, kind in zip(grid[3], KINDS, strict=True):
+                label = f"energy error, {KINDS[kind]}"
+                _defect_panel(ax, curves, styles, lambda p: p.energy, label, (kind,))
+        else:
+            grid[0][1].set_ylabel("")
         grid[0][0].set_title(f"{title}: {KINDS['fixed']}", loc="left", pad=9)
         grid[0][1].set_title(KINDS["adaptive"], loc="left", pad=9)
         _write_labels(figure, [ax for row in shown for ax in row], curves, styles, reference)
-        plots.save(figure, path, dpi)
+        return plots.save(figure, path, dpi)
 
 
 # --------------------------------------------------------------------------- panels
@@ -116,7 +100,7 @@ def _trajectory_panel(
             _floor_line(ax, curve, curves, quantity)
     ax.set_ylim(0.3 * min(reference.accuracy, 1e-11), HIGHEST)
     ax.axhspan(1e-30, reference.accuracy, color="0.9", zorder=0.5)
-    ax.set_ylabel("path-wise error [rad]")
+    ax.set(xlabel=QUANTITIES[quantity], ylabel="path-wise error [rad]")
     ax.minorticks_off()
 
 
@@ -145,8 +129,7 @@ def _defect_panel(
     if all(value(p) == 0.0 for curve in curves.values() for p in curve if p.good):
         ax.text(0.5, 0.5, "no loop", ha="center", transform=ax.transAxes)
     ax.set_ylim(LOWEST, HIGHEST)
-    ax.set_ylabel(label)
-    ax.set_xlabel(QUANTITIES["seconds"])
+    ax.set(xlabel=QUANTITIES["seconds"], ylabel=label)
     ax.minorticks_off()
 
 
@@ -157,14 +140,10 @@ def _order_text(power: float) -> str:
     return f"order {power:.1f}" if power >= LEAST_ORDER else "no order"
 
 
-def _handle(label: str, style: Look) -> Any:
-    from matplotlib.lines import Line2D
-
-    return Line2D([], [], label=label, **style)
-
-
 def _handles(curves: Curves, styles: dict[str, Look], reference: Reference) -> list[Any]:
     """Legend entries, with the order and the number of failures."""
+    from matplotlib.lines import Line2D
+
     handles = []
     for name, style in styles.items():
         power = order(curves[name], reference.accuracy)
@@ -172,15 +151,8 @@ def _handles(curves: Curves, styles: dict[str, Look], reference: Reference) -> l
         text = name + ("" if power is None else f", {_order_text(power)}")
         if lost:
             text += f", {lost}/{sum(p.timed for p in curves[name])} lost"
-        handles.append(_handle(text, style))
-    return [*handles, _handle("floor: same stepper, exact equation", FLOOR)]
-
-
-@contextmanager
-def _style() -> Iterator[None]:
-    """The style of all figures, smaller type: many panels."""
-    with plots.style(), plots.require_matplotlib().rc_context(SMALL):
-        yield
+        handles.append(Line2D([], [], label=text, **style))
+    return [*handles, Line2D([], [], label="floor: same stepper, exact equation", **FLOOR)]
 
 
 def _laid_out(rows: int, height: float, handles: Sequence[Any], foot: str) -> tuple[Figure, list[list[Axes]]]:

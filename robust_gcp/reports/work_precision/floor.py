@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from ... import SimulationError
@@ -12,7 +10,6 @@ from ..contender import Kind, Outcome, Scene
 from ..stepping import stepped
 from .reduced import Reduced
 
-STEPPERS = ("rk4", "DOP853", "Radau", "LSODA")
 FAMILY = "floor"
 
 
@@ -36,17 +33,17 @@ class Floor:
     family = FAMILY
     tuning = "the stepper on the hand-written reduced equation"
 
-    def __init__(self, stepper: str, reduced: Callable[[str], Reduced | None]) -> None:
+    def __init__(self, stepper: str, reduced: Reduced | None) -> None:
         self.name, self.stepper, self._reduced = name_of(stepper), stepper, reduced
         self.kind: Kind = "fixed" if stepper == "rk4" else "adaptive"
 
     def refuses(self, scene: Scene) -> str:
         """Robots have no exact equation of their coordinates."""
-        return "" if self._reduced(scene.name) else "no exact equation of its coordinates is known"
+        return "" if self._reduced else "no exact equation of its coordinates is known"
 
     def run(self, scene: Scene, setting: float) -> Outcome:
         """The step in s, or rtol = atol."""
-        reduced, times, calls = self._reduced(scene.name), scene.times, [0]
+        reduced, calls = self._reduced, [0]
         assert reduced is not None  # see `refuses`
 
         def rate(t: float, x: Array) -> Array:
@@ -55,6 +52,6 @@ class Floor:
                 raise SimulationError(f"not finite at t = {t:.6g} s")
             return reduced.rate(t, x)
 
-        states, seconds, stopped = stepped(rate, reduced.x0, times, self.stepper, setting)
+        states, seconds, stopped = stepped(rate, reduced.x0, scene.times, self.stepper, setting)
         q, v = (np.array(part) for part in zip(*map(reduced.read, states), strict=True))
         return Outcome(q, v, seconds, calls[0], stopped)

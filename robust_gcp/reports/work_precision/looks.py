@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...drawing.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
+from ...mechanism.tree.tree import Array
 from . import floor
 from .verdicts import OURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.transforms import Bbox
 
 COLORS = {
     OURS: BLACK,
@@ -39,13 +40,11 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
     """
     found: dict[str, Look] = {}
     counts: dict[str, int] = {}
-    spare = itertools.cycle((PURPLE, VERMILLION, GREEN))
     for name, family in contenders:
         if family == floor.FAMILY:
             continue
         k = counts[family] = counts.get(family, -1) + 1
-        strong = family == OURS
-        color = COLORS[family] if family in COLORS else COLORS.setdefault(family, next(spare))
+        strong, color = family == OURS, COLORS[family]
         found[name] = {
             "color": color,
             "linestyle": DASHES[k % len(DASHES)],
@@ -67,24 +66,28 @@ class Labels:
 
     def __init__(self, ax: Axes) -> None:
         self.ax, self._per_point = ax, ax.figure.dpi / 72.0
-        self._boxes: list[tuple[float, float, float, float]] = []
+        self._boxes: list[Bbox] = []
 
     def block(self, x: float, y: float, size: float = 2.2) -> None:
         """Keep labels off a marker of this half size, pt."""
-        a, b = self.ax.transData.transform((x, y))
-        r = size * self._per_point
-        self._boxes.append((a - r, b - r, a + r, b + r))
+        self._block(self.ax.transData.transform((x, y)), size)
 
     def block_line(self, one: tuple[float, float], other: tuple[float, float]) -> None:
         """Keep labels off the line between two points."""
         ends = self.ax.transData.transform([one, other])
-        r = 0.6 * self._per_point
         for share in np.linspace(0.0, 1.0, 25):
-            a, b = (1.0 - share) * ends[0] + share * ends[1]
-            self._boxes.append((a - r, b - r, a + r, b + r))
+            self._block((1.0 - share) * ends[0] + share * ends[1], 0.6)
+
+    def _block(self, place: Array, size: float) -> None:
+        from matplotlib.transforms import Bbox
+
+        (a, b), r = place, size * self._per_point
+        self._boxes.append(Bbox.from_extents(a - r, b - r, a + r, b + r))
 
     def put(self, x: float, y: float, text: str, color: str, bold: bool = False, size: float = TINY) -> bool:
         """Write beside (x, y) where there is room: right below, right above, left; whether there was any."""
+        from matplotlib.transforms import Bbox
+
         a, b = self.ax.transData.transform((x, y))
         width, height = 0.56 * size * len(text) * self._per_point, 1.05 * size * self._per_point
         gap = 3.0 * self._per_point
@@ -93,9 +96,9 @@ class Labels:
                               (-1, -0.9, "right"), (-1, 0.9, "right")):  # fmt: skip
             left = a + gap if dx > 0 else a - gap - width
             low = b + dy * height - 0.5 * height
-            box = (left, low, left + width, low + height)
-            inside = frame.x0 <= box[0] and box[2] <= frame.x1 and frame.y0 <= box[1] and box[3] <= frame.y1
-            if inside and not any(_overlap(box, other) for other in self._boxes):
+            box = Bbox.from_bounds(left, low, width, height)
+            inside = frame.contains(*box.p0) and frame.contains(*box.p1)
+            if inside and not any(box.fully_overlaps(other) for other in self._boxes):
                 self._boxes.append(box)
                 self.ax.annotate(
                     text, (x, y), (dx * 3.0, dy * 1.05 * size), textcoords="offset points", ha=align,
@@ -104,10 +107,6 @@ class Labels:
                 )  # fmt: skip
                 return True
         return False
-
-
-def _overlap(a: tuple[float, float, float, float], b: tuple[float, float, float, float]) -> bool:
-    return a[0] < b[2] and b[0] < a[2] and a[1] < b[3] and b[1] < a[3]
 
 
 def setting_text(kind: str, setting: float) -> str:

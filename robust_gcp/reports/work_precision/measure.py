@@ -12,7 +12,7 @@ import numpy as np
 
 from ... import JointTorque, Mechanism, StateError
 from ...mechanism.tree.tree import Array
-from .. import pages
+from ...printing import finite
 from ..contender import Contender, Outcome, Scene
 from .references import TOLERANCES, Motion, Reference
 
@@ -71,9 +71,9 @@ class Point:
         """What tells points apart."""
         return self.scene, self.contender, self.setting
 
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Any:
         """Plain values; what is not finite becomes None."""
-        return pages.plain(asdict(self))
+        return finite(asdict(self))
 
 
 def point_of(record: dict[str, Any]) -> Point:
@@ -100,12 +100,8 @@ class Judge:
     def errors(self, q: Array) -> Array:
         """Largest error over the joints at each output, (n,)."""
         mechanism, exact = self.scene.mechanism, self.reference.q[: len(q)]
-        if mechanism.tree.vector_space:
-            off = q - exact
-        else:
-            apart = (mechanism.tree.difference(one, two) for one, two in zip(exact, q, strict=True))
-            off = np.array(list(apart)).reshape(len(q), mechanism.nv)
-        return np.asarray((np.abs(off) / mechanism.units).max(axis=1), dtype=float)
+        apart = (mechanism.tree.difference(one, two) for one, two in zip(exact, q, strict=True))
+        return np.array([(np.abs(off) / mechanism.units).max() for off in apart])
 
     def lost(self, outcome: Outcome) -> float | None:
         """When the run left the exact motion or stopped, s."""
@@ -170,7 +166,8 @@ def climb(
     """
     warm, before, last = False, None, None
     for i, setting in enumerate(settings):
-        if setting not in known:
+        point = known.get(setting)
+        if point is None:
             allowed = cap * (PATIENCE if i < LEAST else 1.0)
             predicted = _predicted(contender, before, last, setting)
             if predicted > allowed:
@@ -182,8 +179,6 @@ def climb(
                 outcome = contender.run(motion.scene, setting)
                 point = _timed(contender, motion, judge, setting, outcome, repeats)
                 warm = True
-        else:
-            point = known[setting]
         if point.timed:
             before, last = last, point
         yield point

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ...drawing.figures import style as plots
-from .. import pages
-from ..contender import Contender
+from .. import pages, peers
 from ..machine import footer
 from . import figures, verdicts
-from .references import Motion, Reference
-from .store import Store
+
+if TYPE_CHECKING:
+    from .command import Study
 
 MARK = "work-precision"
-"""The block of the pages that this study renews."""
+"""The block that this study renews."""
+
+PAGES = {"README.md": [MARK], "docs/work-precision.md": [MARK]}
+"""Where it stands."""
 
 STORY = "antiparallelogram"
 """The scene that pages show."""
@@ -29,34 +33,23 @@ FIVE = (
 """Scenes of the table that README shows: two with crossings, three without."""
 
 
-def write(
-    motions: Mapping[str, Motion],
-    reference: Callable[[str], Reference],
-    contenders: Sequence[Contender],
-    store: Store,
-    missing: Sequence[str],
-    refused: Mapping[str, Sequence[str]],
-    docs: Path | None,
-) -> list[Path]:
+def write(study: Study, docs: Path | None) -> list[Path]:
     """Print the tables, write everything; returns the paths."""
-    out, foot, points = (
-        store.folder,
-        footer(store.header["machine"], store.header["begun"]),
-        list(store.points.values()),
-    )
+    store, out = study.store, study.store.folder
+    foot = footer(store.header["machine"], store.header["begun"])
     rows, paths = [], []
-    for name, motion in motions.items():
-        curves = verdicts.curves_of(points, name)
+    for name, motion in study.motions.items():
+        curves = verdicts.curves_of(store.points.values(), name)
         if curves:
-            rows.append((motion.title, curves, reference(name)))
+            rows.append((motion.title, curves, study.reference(name)))
             files = [out / f"work_precision_{name}{suffix}" for suffix in plots.FORMATS]
-            paths += [figures.draw_scene(*rows[-1], foot, file) for file in files]
+            paths += [figures.draw(*rows[-1], foot, file) for file in files]
     text, told_seconds = verdicts.ratios(rows), verdicts.seconds(rows)
-    tuning = [f"- **{c.name}**: {c.tuning}" for c in contenders]
+    tuning = [f"- **{c.name}**: {c.tuning}" for c in study.contenders]
     sections = {
-        "Contenders": [*tuning, *(f"- {sentence}" for sentence in missing)],
+        "Contenders": [*tuning, *(f"- {sentence}" for sentence in peers.missing())],
         "Contenders that do not run a scene, and why": [
-            f"- {name}: {'; '.join(reasons)}" for name, reasons in refused.items()
+            f"- {name}: {'; '.join(reasons)}" for name, reasons in study.refused.items()
         ],
         "References": [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows],
     }
@@ -68,12 +61,13 @@ def write(
     for name, content in contents.items():
         (out / name).write_text(content + "\n", encoding="utf-8")
         paths.append(out / name)
-    paths += store.export(
-        {
-            "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
-            "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in contenders},
-        }
-    )
+    records = [point.record() for point in store.points.values()]
+    whole = store.header | {
+        "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows},
+        "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in study.contenders},
+        "points": records,
+    }
+    paths += pages.write_records(out / "points", records, whole)
     print("\n".join([text, "", told_seconds, "", foot]))
     if docs is not None:
         paths += _refresh(docs, rows, [text, told_seconds], foot)
@@ -86,15 +80,14 @@ def _refresh(root: Path, rows: Sequence[verdicts.Row], tables: Sequence[str], fo
     for title, curves, reference in rows:
         if next(iter(curves.values()))[0].scene == STORY:
             path = root / "docs" / "figures" / f"work_precision_{STORY}.png"
-            written.append(figures.draw_story(title, curves, reference, foot, path))
+            written.append(figures.draw(title, curves, reference, foot, path, whole=False))
     measured = f"*Measured {foot}.*"
     blocks = {
-        root / "README.md": f"{in_short(tables[0])}\n\n{measured}",
-        root / "docs" / "work-precision.md": "\n\n".join([*tables, measured]),
+        "README.md": f"{in_short(tables[0])}\n\n{measured}",
+        "docs/work-precision.md": "\n\n".join([*tables, measured]),
     }
     for page, block in blocks.items():
-        if page.exists() and pages.renew(page, {MARK: block}):
-            written.append(page)
+        pages.refresh(root / page, {MARK: block})
     return written
 
 

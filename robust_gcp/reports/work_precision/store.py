@@ -7,13 +7,9 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ... import OptionError, __version__
-from .. import pages
+from ... import OptionError
 from ..machine import machine
 from .measure import Point, point_of
-from .references import Motion, Reference
 
 
 class Store:
@@ -70,30 +66,3 @@ class Store:
         self.points[point.key] = point
         with self._path.open("a", encoding="utf-8") as file:
             file.write(json.dumps(point.record()) + "\n")
-
-    def export(self, more: dict[str, Any]) -> list[Path]:
-        """points.csv and points.json; returns the paths."""
-        records = [point.record() for point in self.points.values()]
-        return pages.write_records(self.folder / "points", records, self.header | more | {"points": records})
-
-    def reference(self, motion: Motion) -> Reference:
-        """The exact motion, computed once a folder."""
-        path = self.folder / "references" / f"{motion.scene.name}.npz"
-        about = _fingerprint(motion)
-        if path.exists():
-            with np.load(path) as kept:
-                if str(kept["about"]) == about:
-                    return Reference(kept["q"], kept["v"], float(kept["accuracy"]), str(kept["source"]))
-        found = motion.solve()
-        path.parent.mkdir(exist_ok=True)
-        np.savez(path, about=about, **vars(found))
-        return found
-
-
-def _fingerprint(motion: Motion) -> str:
-    """What the exact motion depends on."""
-    scene = motion.scene
-    masses = [float(inertia.mass) for inertia in scene.mechanism.own_model.inertias]
-    return json.dumps(
-        [__version__, machine()["commit"], scene.q0.tolist(), scene.v0.tolist(), scene.times[-1], masses]
-    )
