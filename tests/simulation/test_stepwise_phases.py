@@ -152,6 +152,15 @@ def test_back_into_the_middle_of_a_phase(backend: Any, before: int) -> None:
     assert [(x.kind, x.joints) for x in other.happenings] == [(x.kind, x.joints) for x in later]
 
 
+def test_many_ways_on_from_one_state() -> None:
+    """As often as one likes, also where each begins another phase at once."""
+    sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.1, joints=[rg.JointFriction("q1", 1.0)]).step([G])
+    state = sim.save()
+    for k in range(210):
+        sim.restore(state).step([G + 2.0 + k])
+        assert sim.v[0] == pytest.approx(0.1 * (1.0 + k))
+
+
 def test_a_terminal_event_of_the_user() -> None:
     stop = [rg.Stop("q1", lower=0.0, restitution=0.9)]
     event = rg.Event(lambda t, q, v: float(v[0]), terminal=2, direction=-1.0)  # tops

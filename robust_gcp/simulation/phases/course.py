@@ -39,8 +39,6 @@ AHEAD = (1e-3, 1e-2, 0.1, 1.0)
 class Phases(RoundCusps):
     """A motion through phases; parameters are those of `Progress`."""
 
-    _begun = (-np.inf, 0)  # when a phase began last, and how many did then
-
     # ----------------------------------------------------------------- from phase to phase
 
     def advance(self, end: float) -> None:

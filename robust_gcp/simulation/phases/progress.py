@@ -29,7 +29,7 @@ FIRST = 8
 KNOWN = 8
 """Phases whose looks are kept."""
 
-SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_size", "_sums", "_armed", "ended")
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_begun", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
 
 
@@ -67,6 +67,7 @@ class Progress:
         self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
         self._ahead: Iterator[State] | None = None
         self._fresh, self._size, self.ended = True, FIRST, False
+        self._begun = (-np.inf, 0)  # when a phase began last, and how many did then
         self._machine: Mechanism | None = None
         self._known: dict[Hashable, Stretch] = {}
         self._leg: Leg | None = None

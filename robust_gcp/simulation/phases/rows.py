@@ -205,13 +205,12 @@ def _rows_of(part: Part, column: str) -> list[Row]:
 
 def columns_of(parts: Sequence[Part]) -> list[str]:
     """The column of each part: its kind and joint, with the others of its row where that is not enough."""
-    words = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
+    kinds = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
+    words = [next(word for kind, word in kinds.items() if isinstance(part, kind)) for part in parts]
     named: dict[tuple[str, str], set[tuple[object, ...]]] = {}
-    for part in parts:
-        named.setdefault((words[type(part)], part.joint), set()).add((part.joints, part.weights))
-    found = []
-    for part in parts:
-        word = words[type(part)]
-        several = len(named[word, part.joint]) > 1
-        found.append(f"{word}.{'-'.join(part.joints) if several else part.joint}")
-    return found
+    for word, part in zip(words, parts, strict=True):
+        named.setdefault((word, part.joint), set()).add((part.joints, part.weights))
+    return [
+        f"{word}.{'-'.join(part.joints) if len(named[word, part.joint]) > 1 else part.joint}"
+        for word, part in zip(words, parts, strict=True)
+    ]
