@@ -5,7 +5,7 @@ f ∈ [0, ∞) of stops, [−F, F] of dry friction, ℝ of locks; w = W f + b ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -83,10 +83,10 @@ class Phase:
         if self.touching:
             gaps = rows.gaps(q)
             for i in self.touching:
-                part, side = rows.rows[i].part, rows.side[i]
+                row, side = rows.rows[i], rows.side[i]
                 depth, rate = -gaps[..., i], -side * (v @ rows.E[i])
                 # as of Hunt and Crossley: no jump of the force where the spring is touched or left
-                f[..., i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
+                f[..., i] = side * row.stiffness * depth * (1.0 + row.damping * rate)
         return f
 
 
@@ -142,7 +142,7 @@ def _decided_with(
     if not chosen:
         return [], None
     tau = acting(t, q, v, bounds)
-    frame = Frame(rows.mechanism, q, v, tau, state.seen)
+    frame = Frame(rows.mechanism, q, v, state.seen, tau)
     E = rows.side[chosen][:, None] * rows.E[chosen]
     B = frame.rows(E)
     b = B.T @ frame.free + E @ frame.p
@@ -214,7 +214,7 @@ def _broken(
 
 def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
     """v with the rates of what is held to rounding 0, and the phase's independent rows."""
-    frame = Frame(rows.mechanism, q, v, None, seen)
+    frame = Frame(rows.mechanism, q, v, seen)
     E = rows.E[phase.held]
     B = frame.rows(E)
     phase.basis = [phase.held[k] for k in independent_rows(B)]
@@ -223,8 +223,3 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
         on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
         phase.offsets[i] = float(rows.at[i] if on else values[i])
     return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
-
-
-def resting(rows: Rows, phase: Phase) -> Sequence[int]:
-    """Held rows whose forces have limits."""
-    return [i for i in phase.held if rows.rows[i].kind is not Kind.LOCK]

@@ -15,7 +15,7 @@ from .partial_steps import Partial
 from .phase_run import Steps
 from .record import Block
 from .rows import Kind
-from .watch import BELOW, Found, Holding, Signals, first_break
+from .watch import BELOW, Found, Holding, Signals
 
 SHALLOW = 1e-6
 """m or rad: a stop that is passed by less is looked at on a partial step, since the interpolant errs."""
@@ -76,9 +76,10 @@ class Stretch:
                 break
             none.add((found.step, found.row))
         held, margins = self._held(steps.first(n if found is None else found.step + 2), n)
-        step = first_break(margins[1:]) if holding.limited else None
-        if step is None or (found is not None and found.step < step):
+        broken = np.flatnonzero(margins[1:] < 0.0)
+        if not (holding.limited and len(broken)) or (found is not None and found.step < broken[0]):
             return found, held
+        step = int(broken[0])
         share = self._broken(steps, step)
         # both in one step: where they are in it decides
         earlier = found is not None and found[:2] < (step, share)

@@ -119,8 +119,7 @@ def moved(mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tup
         At singular configurations.
     """
     tree, k = mechanism.tree, len(tau)
-    upper = np.triu(tree.crba(q))
-    M = upper + np.triu(upper, 1).T
+    M = tree.crba(q)
     if not mechanism.nc:
         a = np.linalg.solve(M, (tau - tree.rnea(q, v, tree.zero)).T).T
         return a, np.zeros((k, 0))

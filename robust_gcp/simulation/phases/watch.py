@@ -21,7 +21,7 @@ from ..runs.crossings import quintic
 from .admissible import UNMOVED, Seen, admissible
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
-from .decision import Phase, resting
+from .decision import Phase
 from .phase_run import Steps
 from .polynomial_zeros import falling_root
 from .quadratic_programs import Load
@@ -108,13 +108,7 @@ class Signals:
         return Guard(found) if found else None
 
     def first(
-        self,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        none: Collection[tuple[int, int]] = (),
-        since: int = 0,
+        self, t: Array, q: Array, v: Array, a: Array, none: Collection[tuple[int, int]], since: int
     ) -> Found | None:
         """The first event on the steps between these times, but for steps and rows in which there is none.
 
@@ -176,7 +170,7 @@ class Holding:
         self._E = rows.side[self._held][:, None] * rows.E[self._held]
         kinds = [rows.rows[i].kind for i in self._held]
         self._pushes = np.array([kind is Kind.STOP for kind in kinds], dtype=bool)
-        self.limited = bool(resting(rows, phase))
+        self.limited = any(kind is not Kind.LOCK for kind in kinds)
 
     def __bool__(self) -> bool:
         """Whether anything is held."""
@@ -242,9 +236,3 @@ class Holding:
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
         return all_rows, margin
-
-
-def first_break(margins: Array) -> int | None:
-    """The step at whose end the margin is negative first, of those at the ends of all steps."""
-    broken = np.flatnonzero(margins < 0.0)
-    return int(broken[0]) if len(broken) else None
