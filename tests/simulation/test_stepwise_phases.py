@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from pathlib import Path
 from typing import Any
@@ -159,6 +160,17 @@ def test_many_ways_on_from_one_state() -> None:
     for k in range(210):
         sim.restore(state).step([G + 2.0 + k])
         assert sim.v[0] == pytest.approx(0.1 * (1.0 + k))
+
+
+def test_what_was_told_stays_as_it_was() -> None:
+    """Costs so far of a mass that rests do not grow when it is torn off and comes to rest again."""
+    sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.05, joints=[rg.JointFriction("q1", 20.0)])
+    assert sim.trajectory is not sim.trajectory
+    told = sim.step(n=3).trajectory.stats
+    before = dataclasses.asdict(told)
+    sim.step([60.0], n=3).step([0.0], n=20)
+    assert dataclasses.asdict(told) == before and told.wall_seconds > 0.0
+    assert sim.trajectory.stats.rhs > told.rhs
 
 
 def test_a_terminal_event_of_the_user() -> None:
