@@ -11,7 +11,6 @@ import numpy as np
 from ...errors import CuspError, SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from .admissible import Seen
 from .at_rest import Still, rested
 from .decision import State, decided, settled
 from .happening import Happening
@@ -70,8 +69,7 @@ class Phases(RoundCusps):
             return
         self._collect()
         other = phase.successor()
-        known = self._rows, self._machines.bounds, self._machines.acting(other)
-        other.held = decided(*known, other, self._state)
+        other.held = decided(self._machines.bounds, self._machines.acting(other), other, self._state)
         self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
 
     def _tell(self, kind: str, rows: Any, loss: float = 0.0) -> None:
@@ -84,8 +82,8 @@ class Phases(RoundCusps):
         self._require_progress()
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
-        known = self._rows, machines.bounds, machines.acting
-        self._phase, self._v = settled(*known, self._phase, self._state, self._ahead, self._tell)
+        given = self._phase, self._state, self._ahead, self._tell
+        self._phase, self._v = settled(machines.bounds, machines.acting, *given)
         self.passed.turns.append(Turn(self._t, self._why, self._q, before, self._v, replace(self._phase)))
         self._why, self._ahead, self._fresh, self._size = SWITCH, None, False, FIRST
         machine = self._machine = machines.of(self._phase, self._q)
@@ -206,8 +204,7 @@ class Phases(RoundCusps):
             block.t = np.array([start.t, before])
             inner = [(0, row) for row in self._within(start, end, held)]
             self.joined.add(block.with_rows(inner), self._phase, first=1)
-            self._t, self._q, self._v = end, part.q[-1].copy(), part.v[-1].copy()
-            self._seen = Seen.of(self._v, part.a[-1].copy(), self._seen)
+            self._arrive(part)
         if self._events.ended:
             self._stop_at_event()
         else:
@@ -246,9 +243,7 @@ class Phases(RoundCusps):
         state = self._state
         for share in AHEAD:
             part = self._stretch.part(state, state.t + share * self._grid.step)
-            yield State(
-                float(part.t[-1]), part.q[-1], part.v[-1], Seen.of(part.v[-1], part.a[-1], state.seen)
-            )
+            yield State.of(part, -1, state.seen)
 
     def _rest(self, end: float) -> None:
         """Nothing moves, up to a time or until something breaks loose."""

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
 from .impact import REST, Tell, settled_impacts
 from .quadratic_programs import ZERO, box, independent_rows
 from .rows import Kind, Rows
+
+if TYPE_CHECKING:
+    from .phase_run import Steps
 
 ON_STOP = 1e-13
 """m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
@@ -36,6 +40,12 @@ class State:
     q: Array
     v: Array
     seen: Seen
+
+    @classmethod
+    def of(cls, steps: Steps, k: int, before: Seen) -> State:
+        """At the end of a step."""
+        q, v = steps.q[k], steps.v[k]
+        return cls(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], before))
 
 
 @dataclass
@@ -107,7 +117,7 @@ def candidates(rows: Rows, phase: Phase, state: State, bounds: Array) -> tuple[l
     return chosen, np.array([low for _, low, _ in found]), np.array([high for _, _, high in found])
 
 
-def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:
+def decided(bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:
     """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions.
 
     Where F is a share of reactions, by iteration.
@@ -117,13 +127,13 @@ def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, st
     SimulationError
         Where that finds none.
     """
-    F = bounds.constant
+    F, rubs = bounds.constant, bounds.rows.rubs
     for _ in range(MOST):
-        held, acceleration = _decided_with(rows, F, acting, phase, state)
+        held, acceleration = _decided_with(bounds.rows, F, acting, phase, state)
         if acceleration is None or not bounds.vary:
             return held
         before, F = F, bounds.bounds_at(state.t, state.q, state.v, *acceleration)
-        if np.abs(F[rows.rubs] - before[rows.rubs]).max() <= ALIKE * F[rows.rubs].max():
+        if np.abs(F[rubs] - before[rubs]).max() <= ALIKE * F[rubs].max():
             return held
     raise SimulationError(
         f"JointFriction(coefficient=): at t = {state.t:.6g} s it is open which joints stick, as the friction "
@@ -160,7 +170,7 @@ def _decided_with(
 
 
 def settled(
-    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, state: State,
+    bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, state: State,
     ahead: Iterable[State] | None, tell: Tell,
 ) -> tuple[Phase, Array]:  # fmt: skip
     """The phase that begins at an instant, and its velocity.
@@ -176,14 +186,15 @@ def settled(
         States a moment later on the phase that ends, where what was held breaks: its rows have no
         acceleration yet, and their signs are told by what they would have then.
     """
+    rows = bounds.rows
     locks = rows.locked(state.t, before.latched)
     # Impulses first: what is held is decided at the velocity that they leave.
     v = _still(settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell), state.v)
     phase = before.successor()
     if ahead is None:
-        phase.held = decided(rows, bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
+        phase.held = decided(bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
     # At the instant itself what is held still balances: only a moment later tells which way it gives.
-    elif not _broken(rows, bounds, acting, before, phase, ahead):
+    elif not _broken(bounds, acting, before, phase, ahead):
         raise SimulationError(f"at t = {state.t:.6g} s a joint ought to break loose and does not")
     for kind, here, there in (("hold", phase.held, before.held), ("release", before.held, phase.held)):
         if changed := sorted(set(here) - set(there)):
@@ -200,13 +211,13 @@ def _still(v: Array, before: Array) -> Array:
 
 
 def _broken(
-    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, phase: Phase,
+    bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, phase: Phase,
     ahead: Iterable[State],
 ) -> bool:  # fmt: skip
     """Whether the phase differs from the one before at one of the states ahead."""
     for state in ahead:
         phase.slip = dict(before.slip)
-        phase.held = decided(rows, bounds, acting(phase), phase, state)
+        phase.held = decided(bounds, acting(phase), phase, state)
         if sorted(phase.held) != sorted(before.held):
             return True
     return False

@@ -45,7 +45,7 @@ class Stretch:
         self._machines, self._machine, self._phase = machines, machine, phase
         self._size, self._within = len(machines.rows.rows), not machines.course.schedule.plain
         self._signals = Signals(machines.rows, phase)
-        self._holding = Holding(machines.rows, phase, machines.bounds)
+        self._holding = Holding(machines.bounds, phase)
         self._bounds, self._acting = machines.sliding(phase, machine), machines.acting(phase)
         self.guard = self._signals.guard()
         self._partial = Partial(machines, machine, machines.torque_of(phase, machine))
@@ -127,7 +127,7 @@ class Stretch:
         lowest = float(steps.t[k] + found.lowest * (steps.t[k + 1] - steps.t[k]))
         if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
             return True
-        part = self._from(steps, k, seen, lowest)
+        part = self.part(State.of(steps, k, seen), lowest)
         return self._signals.signal_at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
 
     def _broken(self, steps: Steps, step: int) -> float:
@@ -155,20 +155,16 @@ class Stretch:
         part = self._partial.step(start, end, torque)
         return self._machines.part(self._machine, self._phase, start, end) if part is None else part
 
-    def _from(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
-        """A partial step from the end of another."""
-        return self.part(_state(steps, k, seen), end)
-
     def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
         """A partial step to the event, corrected until its function vanishes; None where it is at once."""
-        k, x = found.step, found.share
-        h, begin = float(steps.t[k + 1] - steps.t[k]), float(steps.t[k])
+        k, x, start = found.step, found.share, State.of(steps, found.step, seen)
+        h, begin = float(steps.t[k + 1] - steps.t[k]), start.t
         part: Steps | None = None
         before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
-            part = self._from(steps, k, seen, begin + x * h)
+            part = self.part(start, begin + x * h)
             value, slope = self._value(part, found, h, before is None)
             # of a margin no slope is known after the first: the secant through both partial steps
             slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
@@ -184,8 +180,7 @@ class Stretch:
 
     def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
         """The user's events on a partial step, which ends where one of them ends the run."""
-        start = _state(steps, k, seen)
-        return self._machines.part(self._machine, self._phase, start, end, events)
+        return self._machines.part(self._machine, self._phase, State.of(steps, k, seen), end, events)
 
     def _value(self, part: Steps, found: Found, h: float, sloping: bool) -> tuple[float, float]:
         """The event's function at the end of a partial step, and its slope by a share of the step h.
@@ -201,9 +196,3 @@ class Stretch:
             return value, 0.0
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
-
-
-def _state(steps: Steps, k: int, seen: Seen) -> State:
-    """At the end of a step."""
-    q, v = steps.q[k], steps.v[k]
-    return State(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], seen))

@@ -141,6 +141,10 @@ class Progress:
             state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
             inner += [(k, part) for part in self._within(state, float(steps.t[k + 1]), held[k])]
         self.joined.add(block.with_rows(inner), self._phase)
+        self._arrive(steps)
+
+    def _arrive(self, steps: Steps) -> None:
+        """Go to the last of these ends of steps."""
         self._t, self._q, self._v = float(steps.t[-1]), steps.q[-1].copy(), steps.v[-1].copy()
         self._seen = Seen.of(self._v, steps.a[-1].copy(), self._seen)
 

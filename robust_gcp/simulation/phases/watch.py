@@ -160,13 +160,13 @@ class Holding:
 
     Parameters
     ----------
-    rows : Rows
-    phase : Phase
     bounds : FrictionBounds
+    phase : Phase
     """
 
-    def __init__(self, rows: Rows, phase: Phase, bounds: FrictionBounds) -> None:
-        self._rows, self._held, self._rank, self._bounds = rows, phase.held, len(phase.basis), bounds
+    def __init__(self, bounds: FrictionBounds, phase: Phase) -> None:
+        rows = self._rows = bounds.rows
+        self._held, self._rank, self._bounds = phase.held, len(phase.basis), bounds
         self._E = rows.side[self._held][:, None] * rows.E[self._held]
         kinds = [rows.rows[i].kind for i in self._held]
         self._pushes = np.array([kind is Kind.STOP for kind in kinds], dtype=bool)
