@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import is_table
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
@@ -75,18 +76,18 @@ def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
             "gradient: a torque function or wrenches acted on this run, and its file or pickle holds none; "
             "give all that acted as torque=, a function (t, q, v)"
         )
-    is_table = torque is not None and np.ndim(torque) == 2
-    if is_table and acted.wrenches:
+    in_rows = is_table(torque)
+    if in_rows and acted.wrenches:
         raise OptionError(
             "gradient: wrenches= acted on this run, which a table of torques leaves out; leave torque= out, "
             "as the trajectory remembers all, or give a function (t, q, v), to which they are added"
         )
     total = acted.torque
-    if torque is not None and not is_table:
+    if torque is not None and not in_rows:
         total = one_torque(mechanism, torque, acted.wrenches)
-    if callable(total) and not is_table:
+    if callable(total) and not in_rows:
         return Applied(total, None if acted.held is None else checked_torques(mechanism, acted.held, steps))
-    table: Any = torque if is_table else total
+    table: Any = torque if in_rows else total
     if torque is None and acted.held is not None:
         table = acted.held
     return Applied(None, checked_torques(mechanism, table, steps))
