@@ -19,7 +19,7 @@ from ...dynamics.equations import called_torque
 from ...dynamics.parameters import Parameters
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...dynamics.problem import Problem
+from ...dynamics.problem import Problem, initial_value_problem
 from ...dynamics.torque_feedback import AppliedSlopes, TorqueSlopes, followed
 from ...errors import SimulationError
 from ...kernel.derivatives.derivations import left_to_python
@@ -34,12 +34,15 @@ from .cost import Cost, Gradient
 from .cost_terms import Along
 from .drive_derivatives import DriveSweep
 from .kernel_sweep import Backwards, backwards, kernel_of
-from .run_again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
+from .run_again import applied_again, coordinates_of, refined_until, require_answers, require_same
 from .step_derivatives import WHAT, Follower, differentiated
 from .step_of_motion import Acting, Moved
 
 STRETCH = 25
 """Steps that are kept at once."""
+
+REGULAR = 0.1
+"""Conditioning of K_d from which a stretch may begin at a state."""
 
 
 class ReverseSweep:
@@ -206,7 +209,19 @@ class ReverseSweep:
         return i
 
     def _begun(self, begin: int, torque: Any, first: int) -> tuple[int, Problem]:
-        return begun(self._run, self._mechanism, (first, begin), self._mode, torque, self._drives)
+        """The motion from an output, or from a regular one before it, not before the first."""
+        mechanism, run = self._mechanism, self._run
+        while True:
+            drive = None if self._drives is None else self._drives.of(mechanism, begin)
+            state = run.q[begin], run.v[begin], self._mode if begin == 0 else None
+            try:
+                motion = initial_value_problem(mechanism, *state, torque, drive=drive)
+                if begin == first or motion.start.point.conditioning >= REGULAR:
+                    return begin, motion
+            except SimulationError:
+                if begin == first:
+                    raise
+            begin = max(first, begin - 5)
 
     def _acting(self, torque: Any) -> Acting:
         """What acts, with its slopes within steps and those by the parameters."""

@@ -12,24 +12,19 @@ from ...checks import is_table
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
-from ...dynamics.problem import Problem, initial_value_problem
-from ...errors import OptionError, SimulationError
+from ...errors import OptionError
 from ...maps.start_check import checked_mode
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .cost import checked_torques
-from .drive_derivatives import DriveSweep
 
 SAME_TIME = 1e-12
 """s: times so near to each other are the same."""
 
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
-
-REGULAR = 0.1
-"""Conditioning of K_d from which a stretch may begin at a state."""
 
 ALIKE = 1e-6
 """Relative difference of torques and of lengths of steps that rounding may make."""
@@ -157,29 +152,6 @@ def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
         at = int(np.argmin(np.abs(run.t - t)))
         found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
     return found
-
-
-def begun(
-    run: Trajectory,
-    mechanism: Mechanism,
-    between: tuple[int, int],
-    mode: ArrayLike | None,
-    torque: Any,
-    drives: DriveSweep | None,
-) -> tuple[int, Problem]:
-    """The motion from the second of two outputs, or from a regular one before it, not before the first."""
-    first, begin = between
-    while True:
-        drive = None if drives is None else drives.of(mechanism, begin)
-        try:
-            own = mode if begin == 0 else None
-            motion = initial_value_problem(mechanism, run.q[begin], run.v[begin], own, torque, drive=drive)
-            if begin == first or motion.start.point.conditioning >= REGULAR:
-                return begin, motion
-        except SimulationError:
-            if begin == first:
-                raise
-        begin = max(first, begin - 5)
 
 
 def refined_until(run: Trajectory, end: int) -> int:

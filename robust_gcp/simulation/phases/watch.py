@@ -201,9 +201,11 @@ class Holding:
         limits = np.where(dry, 1.0 - np.abs(f) / bounds, limits)
         return forces, limits.min(axis=1, initial=np.inf)
 
-    def _load(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
+    def _load(
+        self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None
+    ) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
-        N, _ = admissible(mechanism, q, v, seen)
+        N, _ = admissible(mechanism, q, v, Seen.of(v, a) if seen is None else seen)
         A = self._E @ N
         A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
         need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)
@@ -224,14 +226,14 @@ class Holding:
 
     def margin(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None) -> float:
         """By how much what is held is held; negative where it breaks."""
-        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, seen)
         return load.margin(need)
 
     def forces(
         self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None
     ) -> tuple[Array, float]:
         """f (n,) of all rows, and the sign of the margin."""
-        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, seen)
         f, margin = load.forces(need)
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
