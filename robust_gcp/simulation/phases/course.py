@@ -219,13 +219,12 @@ class Phases(RoundCusps):
     def _stop_at_event(self) -> None:
         """An event ends the motion, or closes a lock."""
         self._drop()
-        k = self._events.ended_by
-        if self._over or k is None:
+        if self._over:
             self.ended = self.joined.to_the_end = True
             return
         self._events.ended_by, self._fresh, self._why = None, True, LATCH
-        latched = self._phase.latched | {self._latches[k - self._asked]}
-        self._phase = replace(self._phase, latched=latched)
+        closed = {self._latches[k - self._asked] for k in self._events.together if k >= self._asked}
+        self._phase = replace(self._phase, latched=self._phase.latched | closed)
 
     def _decide(self, found: Found) -> None:
         """What the event is, for the decision that follows."""

@@ -104,17 +104,17 @@ def candidates(rows: Rows, phase: Phase, state: State, bounds: Array) -> tuple[l
     """Rows that rest, and the bounds of their forces in the direction `side`."""
     rates, closed = rows.E @ state.v, set(rows.closed(state.q))
     locked = set(rows.locked(state.t, phase.latched))
-    found: list[tuple[int, float, float]] = []
+    limits: dict[int, tuple[float, float]] = {}
     for i, row in enumerate(rows.rows):
         resting = abs(rates[i]) <= REST
         if i in locked:
-            found.append((i, -np.inf, np.inf))
+            limits[i] = -np.inf, np.inf
         elif row.rubs and resting:
-            found.append((i, -bounds[i], bounds[i]))
+            limits[i] = -bounds[i], bounds[i]
         elif i in closed and resting:
-            found.append((i, 0.0, np.inf))
-    chosen = [i for i, _, _ in found]
-    return chosen, np.array([low for _, low, _ in found]), np.array([high for _, _, high in found])
+            limits[i] = 0.0, np.inf
+    lower, upper = np.array(list(limits.values())).reshape(-1, 2).T
+    return list(limits), lower, upper
 
 
 def decided(bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:

@@ -14,6 +14,7 @@ from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Part
 from ...mechanism.tree.tree import Array
+from ...user_functions import returned
 from ..events import Event, Events, checked_events
 from ..runs.crossings import together
 from ..trajectories.trajectory import Trajectory
@@ -184,10 +185,12 @@ class Progress:
     def _latch(self, row: int) -> Event:
         """The event that closes a lock, as long as it is open."""
         (asked,) = checked_events([self._rows.rows[row].when])
+        label = f"Lock {self._rows.rows[row].part.joint!r}"
 
         def function(t: float, q: Array, v: Array) -> float:
-            looked_for = row in self._armed and row not in self._phase.latched
-            return asked(t, q, v) if looked_for else 1.0
+            if row not in self._armed or row in self._phase.latched:
+                return 1.0
+            return float(returned(asked(t, q, v), (), f"{label}: when(t, q, v)", t=t))
 
         return Event(function, True, asked.direction)
 
