@@ -165,7 +165,7 @@ class Phases(RoundCusps):
             steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
         self._keep(steps.first(k + 1), held[: k + 1])
         if found is not None:
-            self._met(steps, found, held[k])
+            self._met(machine, found, float(steps.t[k + 1] - steps.t[k]), held[k])
             return
         self._t, self._fresh, self._read = end, switched, leg.at
         if leg.ended:
@@ -187,15 +187,16 @@ class Phases(RoundCusps):
                 return steps, found, held
         raise fault
 
-    def _met(self, steps: Steps, found: Found, held: Array) -> None:
-        """Go to an event in the step that begins now."""
-        k, start = found.step, self._state
+    def _met(self, machine: Mechanism, found: Found, h: float, held: Array) -> None:
+        """Go to an event in the step h that begins now."""
+        start = self._state
         self._count()
         self._events.forget(self._t)
         self._events.ended_by = None
-        part = self._stretch.located(steps, found, self._seen)
-        if part is not None and self._events:
-            part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self._events)
+        part = self._stretch.located(start, h, found)
+        if part is not None and self._events:  # which may end it before
+            end = float(part.t[-1])
+            part = self._machines.part(machine, self._phase, start, end, self._events)
         if part is not None:
             end = float(part.t[-1])
             block = self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))

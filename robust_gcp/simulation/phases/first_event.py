@@ -7,7 +7,6 @@ from scipy.optimize import brentq
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..events import Events
 from .admissible import Seen
 from .decision import Phase, State
 from .machine import Machines
@@ -155,10 +154,9 @@ class Stretch:
         part = self._partial.step(start, end, torque)
         return self._machines.part(self._machine, self._phase, start, end) if part is None else part
 
-    def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
-        """A partial step to the event, corrected until its function vanishes; None where it is at once."""
-        k, x, start = found.step, found.share, State.of(steps, found.step, seen)
-        h, begin = float(steps.t[k + 1] - steps.t[k]), start.t
+    def located(self, start: State, h: float, found: Found) -> Steps | None:
+        """A partial step to an event of a step h, until its function vanishes; None where that is at once."""
+        x, begin = found.share, start.t
         part: Steps | None = None
         before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
@@ -177,10 +175,6 @@ class Stretch:
                 slope = secant  # a partial step errs by its length too
             before, x = (x, value), min(x - value / slope, 1.0)
         return part
-
-    def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
-        """The user's events on a partial step, which ends where one of them ends the run."""
-        return self._machines.part(self._machine, self._phase, State.of(steps, k, seen), end, events)
 
     def _value(self, part: Steps, found: Found, h: float, sloping: bool) -> tuple[float, float]:
         """The event's function at the end of a partial step, and its slope by a share of the step h.
