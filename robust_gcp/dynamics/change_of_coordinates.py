@@ -37,10 +37,22 @@ class Slope:
         """That of derivatives."""
         return cls(found.G, found.dv_dy)
 
+    @property
+    def whole(self) -> Array:
+        """δ(q, v) along all velocities by δ(η, u), (2nv, 2m): [[G, 0], [V_y, G]]."""
+        return np.block([[self.G, np.zeros_like(self.G)], [self.dv_dy, self.G]])
+
     def change(self, chosen: Index) -> Array:
-        """δ(η', u') by δ(η, u), (2m, 2m): [[G[C], 0], [V_y[C], G[C]]]."""
-        own = self.G[chosen]
-        return np.block([[own, np.zeros_like(own)], [self.dv_dy[chosen], own]])
+        """δ(η', u') by δ(η, u), (2m, 2m): the rows C of `whole`."""
+        return self.of_rows(chosen).whole
+
+    def of_rows(self, chosen: Index) -> Slope:
+        """That of some velocities of v."""
+        return Slope(self.G[chosen], self.dv_dy[chosen])
+
+    def pulled(self, by_q: Array, by_v: Array) -> Array:
+        """What multiplies δ(η, u), (2m,), from what multiplies δq and δv, (nv,) each."""
+        return np.concatenate([by_q @ self.G + by_v @ self.dv_dy, by_v @ self.G])
 
     def seen_in(self, chosen: Index) -> Slope:
         """The same by the velocities `chosen` (m,) of v."""

@@ -5,7 +5,7 @@ The four stages follow from one another by the chain rule; for joints in charts 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +47,9 @@ class Stage:
     chart: ChartSlopes
 
 
+Parametric = Callable[[Stage], Array]
+
+
 @dataclass(frozen=True)
 class Step:
     """One step with all that its derivatives need.
@@ -67,25 +70,23 @@ class Step:
     end: Point
     chart: ChartSlopes
 
-    def jacobians(self) -> tuple[Array, Array]:
-        """δ(η, u) after the step by δ(η, u) before it, (2m, 2m), and by torques held over it, (2m, nv)."""
-        none = [stage.slopes.da_dtau[:, :0] for stage in self.stages]
-        return self.jacobians_by(none)[:2]
-
-    def jacobians_by(
-        self, by_p: Sequence[Array], driven: NDArray[np.int64] = NOTHING
+    def jacobians(
+        self, by_more: Parametric | None = None, driven: NDArray[np.int64] = NOTHING
     ) -> tuple[Array, Array, Array, Array]:
-        """The same, by parameters p, (2m, k), and by prescribed motions, (2m, 15 driven).
+        """δ(η, u) after the step by δ(η, u) before it, (2m, 2m), and by torques held over it, (2m, nv).
+
+        Then by parameters, (2m, k), and by prescribed motions, (2m, 15 driven).
 
         Parameters
         ----------
-        by_p : sequence of ndarray (m, k)
-            By how much u̇ changes with parameters at each stage.
+        by_more : callable (Stage) -> (m, k), optional
+            ∂u̇ by parameters at a stage.
         driven : ndarray of int (driven,)
             Which of y are prescribed; slopes are those of `DrivenDerivatives`. The last columns are
             (5, 3, driven), by y, ẏ and ÿ at each stage and the end.
         """
         m, nv = self.stages[0].slopes.da_dtau.shape
+        by_p = [x.slopes.da_dtau[:, :0] if by_more is None else by_more(x) for x in self.stages]
         k = 2 * m + nv + by_p[0].shape[1]
         inputs = np.eye(k + 15 * len(driven))
         eta, u, rest, told = inputs[:m], inputs[m : 2 * m], inputs[2 * m : k], inputs[k:]
@@ -151,5 +152,5 @@ def step_jacobians(
     held = None if tau is None else mechanism.velocity(tau, "tau")
     motion = initial_value_problem(mechanism, q, v, mode, held)
     x = motion.x[: 2 * mechanism.m]
-    A, B = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()
+    A, B = differentiated_step(PointDerivatives(motion, held), 0.0, x, float(step)).jacobians()[:2]
     return require_finite(A, "A"), require_finite(B, "B")

@@ -271,7 +271,7 @@ def implicit_dynamics(
     if mechanism.applied is not None:
         force = force + mechanism.applied.tau(q, v)
     require_finite(force, "τ − C")
-    M = require_finite(mechanism.tree.crba(q), "M(q)").copy()
+    M = require_finite(mechanism.tree.crba(q), "M(q)")
     split = Split(mechanism, q)
     a, N = split.acceleration(mechanism.k(q, v)), split.free
     inertia = N.T @ M @ N

@@ -148,25 +148,20 @@ def linearise(
     )
     if drives is not None:
         free = np.concatenate([drives.free, mechanism.m + drives.free])
-        return Linearisation.of(linearise_motion(motion, t, central=True).A[np.ix_(free, free)])
+        return Linearisation.of(slopes_at(motion, t, central=True)[np.ix_(free, free)])
     try:
         slopes = PointDerivatives(motion, applied).at_start(t)
     except (ModelError, NotCertifiedError) as missing:
         log.info("%s: linearised by differences: %s", mechanism.name, missing)
-        return linearise_motion(motion, t, central=True)
+        return Linearisation.of(slopes_at(motion, t, central=True))
     m, point = mechanism.m, motion.start.point
     here = chart_derivatives(mechanism, point, point, slopes.dv_dy)
     A = np.block([[here.rate_by_y, np.eye(m)], [slopes.da_dy, slopes.da_dv]])
     return Linearisation.of(A)
 
 
-def linearise_motion(motion: Problem, t: float, central: bool) -> Linearisation:
-    """Linearise at the start of a motion by differences; see `linearise`."""
-    return Linearisation.of(slopes_at(motion, t, central))
-
-
 def slopes_at(motion: Problem, t: float, central: bool) -> Array:
-    """A of `linearise_motion`, (2m, 2m)."""
+    """A at the start of a motion by differences, (2m, 2m)."""
     m, y = motion.mechanism.m, motion.start.point.y
     with np.errstate(all="ignore"):  # what is not finite is told below
         A = ReducedJacobian(motion.equations, central)(t, motion.x)[: 2 * m, : 2 * m]

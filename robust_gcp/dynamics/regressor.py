@@ -13,6 +13,7 @@ from ..checks import check_mechanism, checked_vector, is_table, of_each, require
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.joints import in_v
 from ..mechanism.tree.tree import Array
+from ..mechanism.tree.workspace import whole_workspace
 from .problem import initial_value_problem
 
 OF_A_BODY = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
@@ -48,7 +49,7 @@ class TorqueRegressor(threading.local):
     """
 
     def __init__(self, mechanism: Mechanism) -> None:
-        self._model, self._data = mechanism.near, mechanism.near.createData()
+        self._model, self._data = mechanism.near, whole_workspace(mechanism.near)
 
     def matrix_at(self, q: Array, v: Array, a: Array) -> Array:
         """Y at (q, v, a)."""

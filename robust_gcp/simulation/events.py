@@ -118,6 +118,8 @@ class Events:
         What was found, for each event.
     ended_by : int or None
         Which terminal event ended the run.
+    together : list of int
+        All that were zero there with it, but for rounding.
     pending : bool
         Whether the last step that `met` was asked for has events that are still to be found.
     """
@@ -128,6 +130,7 @@ class Events:
         self.q: list[list[Array]] = [[] for _ in asked]
         self.v: list[list[Array]] = [[] for _ in asked]
         self.ended_by: int | None = None
+        self.together: list[int] = []
         self._left, self.pending = start, False
         self._values: Array = np.zeros(0)
 
@@ -161,6 +164,8 @@ class Events:
             ends = t > self._soon and 0 < limit <= so_far + 1
             found.append(Zero(t, k, ends))
             if ends:
+                slack = 8.0 * float(np.spacing(max(abs(step.t0), abs(step.t1))))  # twice what a zero may err
+                self.together = [other for when, other in times if abs(when - t) <= slack]
                 break
         return found
 

@@ -13,7 +13,6 @@ from ..dynamics.prescribed.drive import Drive
 from ..dynamics.prescribed.driven import prescribed
 from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
-from ..errors import OptionError
 from ..kernel.library import Library
 from ..maps.choice import MapChoice
 from ..mechanism.mechanism import Mechanism
@@ -68,11 +67,10 @@ class StepwisePlan:
     required: bool
 
     def __post_init__(self) -> None:
-        for name, given in (("drive=", self.drive is not None), ("method=", self.choice.method != "bridge")):
-            if self.parts and given:
-                raise OptionError(
-                    f"joints=: stops, friction and locks do not go with {name} yet; leave one of them out"
-                )
+        if self.parts:
+            from .phases.run_phases import require_plain  # a simulation without them need not load them
+
+            require_plain({"drive=": self.drive is not None, "method=": self.choice.method != "bridge"})
 
     def clock(self, first: int, count: int) -> Array:
         """Times of the outputs numbered from `first` on."""

@@ -282,6 +282,13 @@ def test_what_is_no_control_is_refused_by_name(ctrl: Any, message: str) -> None:
         rg.simulate(_rhombus(*ACTUATORS), duration=0.01, step=1e-3, ctrl=ctrl)
 
 
+def test_a_table_in_one_array() -> None:
+    table = [0.0, 0.1], [1.0, 2.0]
+    ask: dict[str, Any] = dict(duration=0.1, step=0.01)
+    runs = [rg.simulate(_rhombus(*ACTUATORS), ctrl={"motor": x}, **ask) for x in (table, np.array(table))]
+    assert np.array_equal(runs[0].q, runs[1].q)
+
+
 def test_where_there_are_no_actuators() -> None:
     with pytest.raises(rg.OptionError, match=r"has no actuators; give torque="):
         rg.simulate(_rhombus(), duration=0.01, step=1e-3, ctrl={"q1": 1.0})

@@ -144,6 +144,26 @@ def test_a_latch_that_an_event_closes(backend: Any) -> None:
     assert sim.restore(state).step(n=5).happenings == sim.happenings and len(sim.happenings) == 3
 
 
+@pytest.mark.parametrize("h", [0.05, 0.013])
+def test_latches_that_events_close_at_one_time(h: float, backend: Any) -> None:
+    """By the clock, and where both of two masses that are thrown up alike turn back."""
+    top = 1.0 / 9.81
+    for first, second, when in (
+        (lambda t, q, v: t - 0.2, lambda t, q, v: t - 0.2, 0.2),
+        (lambda t, q, v: v[0], lambda t, q, v: v[1], top),
+    ):
+        latches = [rg.Lock("q1", when=first), rg.Lock("q2", when=second)]
+        run = rg.simulate(sliders(1.0, 1.0), [0.5, 0.5], [1.0, 1.0], 0.5, h, joints=latches, backend=backend)
+        assert np.all(run.v[-1] == 0.0) and run.q[-1] == pytest.approx(0.5 + when - 0.5 * 9.81 * when**2)
+        assert {name for x in run.happenings if x.kind == "hold" for name in x.joints} == {"q1", "q2"}
+
+
+def test_what_closes_a_latch_is_named_where_it_is_no_number() -> None:
+    latch = rg.Lock("q1", when=lambda t, q, v: "soon")
+    with pytest.raises(rg.OptionError, match="Lock 'q1': when"):
+        rg.simulate(sliders(1.0), [0.5], [1.0], 0.5, 0.05, joints=[latch])
+
+
 def test_an_event_counts_from_the_start_of_its_lock() -> None:
     """Zeros before `start` close nothing; a function that is below zero at `start` already is no zero."""
     spin, found = flywheels(1.0), []

@@ -75,6 +75,26 @@ def test_what_acts(name: str) -> None:
             np.testing.assert_array_equal(alone.q, found.q[i])
 
 
+def test_functions_by_name_are_asked_at_the_time_of_the_step() -> None:
+    """A force of one's own leaves the step to `simulate`: what acts from t = 2 s on lifts 1 kg."""
+
+    class Nothing(rg.Force):
+        def tau(self, mechanism: rg.Mechanism, q: Array, v: Array) -> Array:
+            return np.zeros(1)
+
+        def energy(self, mechanism: rg.Mechanism, q: Array) -> float:
+            return 0.0
+
+    model = pin.Model()
+    joint = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "z")
+    model.appendBodyToJoint(joint, pin.Inertia(1.0, np.zeros(3), np.eye(3)), pin.SE3.Identity())
+    mech = rg.Mechanism.from_pinocchio(model, forces=[Nothing()])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rg.PerformanceWarning)
+        found = rg.step(mech, [0.0], [0.0], {"z": lambda t, q, v: 9.81 + t}, 0.1, t=2.0)
+    assert found.v == pytest.approx([2.0 * 0.1 + 0.1**2 / 2]) and found.q[0] == pytest.approx(0.01 + 1e-3 / 6)
+
+
 @pytest.mark.parametrize("name", ["crank-rocker", "five-bar", "delta", "rhombus"])
 def test_derivatives_of_a_step(name: str) -> None:
     """A and B by differences of order 10 of steps, and the same from one state as from many."""
@@ -155,6 +175,22 @@ def test_of_no_states_and_velocities_by_name(name: str) -> None:
     for h, size in ((None, mech.m), (1e-3, 2 * mech.m)):
         found = rg.by_parameters(mech, *none, parameters=["gravity.z", "gravity.x"], h=h)
         assert found.shape == (0, size, 2)
+        second = rg.second_derivatives(mech, *none, dy=np.ones(mech.m), h=h)
+        assert second.shape == (0, size, 2 * mech.m + mech.nv)
+
+
+def test_rows_of_different_lengths_are_refused_by_name() -> None:
+    mech, ragged = rg.load("crank_rocker"), [[1.0], [1.0, 2.0]]
+    q, v = mech.home, mech.lift(mech.home, [1.0])
+    run, cost = rg.simulate(mech, q, v, 2e-3, 1e-3), rg.Cost(terminal=lambda q, v: q[0])
+    with pytest.raises(rg.StateError, match="tau"):
+        rg.step_jacobians(mech, q, v, ragged, 1e-3)
+    with pytest.raises(rg.StateError, match="dy"):
+        rg.second_derivatives(mech, q, v, dy=ragged)
+    with pytest.raises(rg.StateError, match="torque"):
+        rg.gradient(run, cost, torque=ragged)
+    with pytest.raises(rg.OptionError, match="one length"):
+        rg.Motion(([0.0, 1.0, 2.0, 3.0], [0.0, 1.0, 2.0]))  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("name", ["crank-rocker", "delta", "stewart"])

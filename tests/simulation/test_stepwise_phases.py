@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from pathlib import Path
 from typing import Any
@@ -150,6 +151,26 @@ def test_back_into_the_middle_of_a_phase(backend: Any, before: int) -> None:
     assert np.abs(other.q - sim.q).max() < 1e-11 and other.t == pytest.approx(sim.t)
     later = [x for x in told if x.time > 0.02 * before]
     assert [(x.kind, x.joints) for x in other.happenings] == [(x.kind, x.joints) for x in later]
+
+
+def test_many_ways_on_from_one_state() -> None:
+    """As often as one likes, also where each begins another phase at once."""
+    sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.1, joints=[rg.JointFriction("q1", 1.0)]).step([G])
+    state = sim.save()
+    for k in range(210):
+        sim.restore(state).step([G + 2.0 + k])
+        assert sim.v[0] == pytest.approx(0.1 * (1.0 + k))
+
+
+def test_what_was_told_stays_as_it_was() -> None:
+    """Costs so far of a mass that rests do not grow when it is torn off and comes to rest again."""
+    sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.05, joints=[rg.JointFriction("q1", 20.0)])
+    assert sim.trajectory is not sim.trajectory
+    told = sim.step(n=3).trajectory.stats
+    before = dataclasses.asdict(told)
+    sim.step([60.0], n=3).step([0.0], n=20)
+    assert dataclasses.asdict(told) == before and told.wall_seconds > 0.0
+    assert sim.trajectory.stats.rhs > told.rhs
 
 
 def test_a_terminal_event_of_the_user() -> None:

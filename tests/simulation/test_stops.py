@@ -345,6 +345,14 @@ def test_starts_and_arguments_that_do_not_fit() -> None:
         rg.simulate(rg.Mechanism.from_pinocchio(model), joints=[rg.Lock("ball")], **ask)
 
 
+def test_a_kind_of_stop_of_ones_own() -> None:
+    class Bumper(rg.Stop):
+        """A stop by another name."""
+
+    run = rg.simulate(sliders(1.0), [1.0], [0.0], 0.5, 0.05, joints=[Bumper("q1", lower=0.0)])
+    assert run.part_names == ("stop.q1",) and [x.kind for x in run.happenings] == ["impact", "hold"]
+
+
 def test_an_error_tells_what_was_simulated() -> None:
     def torque(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.array([np.nan if t > 0.6 else 0.0])
@@ -355,7 +363,7 @@ def test_an_error_tells_what_was_simulated() -> None:
 
 
 def test_a_run_without_parts_takes_no_path_of_this(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in ("course", "machine", "stretch", "watch", "frame"):
+    for name in ("course", "machine", "first_event", "watch", "admissible"):
         monkeypatch.setitem(sys.modules, f"robust_gcp.simulation.phases.{name}", None)  # not to be imported
     run = rg.simulate(sliders(1.0), [1.0], [0.0], 0.1, 0.05)
     assert run.happenings == [] and run.dissipated is None and run.part_forces is None

@@ -9,7 +9,7 @@ from typing import Any, TypeGuard
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import hint, real_array, shown
+from ...checks import hint, is_table, real_array, shown
 from ...errors import OptionError
 from ...mechanism.actuation.actuators import Actuator, clipped
 from ...mechanism.mechanism import Mechanism
@@ -85,7 +85,8 @@ def _given(name: str, value: Any, numbers: bool) -> Given:
         return float(value)
     if numbers:
         raise OptionError(f"{label} = {shown(value)}: a step holds a finite number")
-    if isinstance(value, Sequence) and len(value) == 2 and all(is_number_or_array(part) for part in value):
+    in_two = (isinstance(value, Sequence) or is_table(value)) and len(value) == 2
+    if in_two and all(is_number_or_array(part) for part in value):
         times, values = (real_array(part) for part in value)
         ascending = times.ndim == 1 and len(times) > 1 and np.all(np.diff(times) > 0.0)
         if ascending and values.shape == times.shape:

@@ -65,7 +65,7 @@ class Motion:
         self.position, self.velocity, self.acceleration = position, velocity, acceleration
         self.span: tuple[float, float] | None = None
         if not callable(position):
-            self.position = _held(position) if np.ndim(position) == 0 else self._joined(position)
+            self.position = _held(position) if _is_single(position) else self._joined(position)
         if hasattr(self.position, "derivative") and velocity is None:
             self.velocity, self.acceleration = self.position.derivative(1), self.position.derivative(2)
 
@@ -188,6 +188,14 @@ class Motion:
                         f"{('the position', 'the velocity')[i]} changes by {slope:.6g} a second; correct "
                         "it, or leave it out"
                     )
+
+
+def _is_single(value: Any) -> bool:
+    """Whether it is one number, if any."""
+    try:
+        return np.ndim(value) == 0
+    except ValueError:  # of lists of different lengths
+        return False
 
 
 def _held(value: Any) -> Callable[[Any], float]:

@@ -67,9 +67,8 @@ def forward_dynamics(
     check_mechanism(mechanism, Mechanism, "forward_dynamics")
     check_finite("t", t)
     states = AtStates.of(mechanism, q, v, tau, mode=mode)
-    n, kernel = len(states), states.kernel()
-    udot: Array = np.empty((n, mechanism.m))
-    good: NDArray[np.bool_] = np.zeros(n, dtype=bool)
+    missing, kernel = np.arange(len(states)), states.kernel()
+    udot: Array = np.empty((len(states), mechanism.m))
     if kernel is not None:
         tau = states.total(t)
 
@@ -84,9 +83,8 @@ def forward_dynamics(
                 udot[i] = whole.a[mechanism.iv_independent]
                 yield i
 
-        good[:] = True
-        good[answered(kernel, states, ask, by_others)] = False
-    for i in np.flatnonzero(~good).tolist():
+        missing = answered(kernel, states, ask, by_others)
+    for i in missing.tolist():
         state = states.q[i], states.v[i] if v is not None else None
         with states.naming(i):
             udot[i] = serving.forward_dynamics(mechanism, *state, states.torque_at(i), mode, t)

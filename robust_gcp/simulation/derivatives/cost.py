@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import check_callable, real_array, shown
+from ...checks import check_callable, is_table, real_array, shown
 from ...dynamics.prescribed.motion import Motion
 from ...errors import OptionError
 from ...mechanism.mechanism import Mechanism
@@ -106,7 +106,7 @@ def checked_torques(mechanism: Mechanism, torque: ArrayLike | None, steps: int) 
     """Torques held over each step, (steps, nv), from one for all or one for each."""
     if torque is None:
         return np.zeros((steps, mechanism.nv))
-    if np.ndim(torque) == 2:
+    if is_table(torque):
         try:
             table = real_array(torque)
         except TypeError as error:
@@ -118,9 +118,3 @@ def checked_torques(mechanism: Mechanism, torque: ArrayLike | None, steps: int) 
             )
         return table
     return np.tile(mechanism.velocity(torque, "torque"), (steps, 1))
-
-
-def reduced(slopes: Slopes, G: Array, dv_dy: Array) -> Array:
-    """Slopes by q and v as those by the independent positions and velocities, (2m,)."""
-    by_q, by_v, _ = slopes
-    return np.concatenate([by_q @ G + by_v @ dv_dy, by_v @ G])

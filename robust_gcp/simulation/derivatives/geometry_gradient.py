@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import is_table
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.motion import Motion
@@ -21,7 +22,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
-from .cost import Cost, Gradient
+from .cost import Cost, Gradient, checked_torques
 from .reverse_sweep import ReverseSweep
 
 
@@ -49,7 +50,8 @@ def by_geometry(
     run = _run(wide, trajectory, acted)
     given = None
     if torque is not None:
-        one = torque if np.ndim(torque) == 2 else one_torque(mech, torque)
+        rows = is_table(torque)
+        one = checked_torques(mech, torque, len(trajectory.t) - 1) if rows else one_torque(mech, torque)
         given = torque_of_all(wide, one)
     slopes = None if torque_slopes is None else _torque_slopes(wide, torque_slopes)
     start = None if mode is None else wide.v(mech.velocity(mode, "mode"))
@@ -127,27 +129,22 @@ def _torque_slopes(wide: Varied, slopes: TorqueSlopes) -> TorqueSlopes:
 def _cost(wide: Varied, cost: Cost) -> Cost:
     """The same cost; its functions may be handed many states, whose number is last."""
 
-    def of_end(given: Callable[..., Any] | None, parts: int) -> Callable[..., Any] | None:
-        if given is None:
-            return None
-        return lambda q, v: _spread(wide, given(q[wide.iq], v[wide.iv]), parts)
+    def own(*state: Any) -> tuple[Any, ...]:
+        """(q, v) or (t, q, v, tau) of the mechanism as it is."""
+        *t, q, v = state[:3]
+        return (*t, q[wide.iq], v[wide.iv], *(tau[wide.iv] for tau in state[3:]))
 
-    def along(given: Callable[..., Any] | None, parts: int) -> Callable[..., Any] | None:
+    def term(given: Callable[..., Any] | None) -> Callable[..., Any] | None:
+        return None if given is None else lambda *state: given(*own(*state))
+
+    def slopes(given: Callable[..., Any] | None) -> Callable[..., Any] | None:
         if given is None:
             return None
-        return lambda t, q, v, tau: _spread(wide, given(t, q[wide.iq], v[wide.iv], tau[wide.iv]), parts)
+        return lambda *state: [wide.v(np.asarray(part, dtype=float)) for part in given(*own(*state))]
 
     return Cost(
-        of_end(cost.terminal, 0),
-        along(cost.running, 0),
-        of_end(cost.terminal_slopes, 2),
-        along(cost.running_slopes, 3),
+        term(cost.terminal), term(cost.running), slopes(cost.terminal_slopes), slopes(cost.running_slopes)
     )
-
-
-def _spread(wide: Varied, given: Any, parts: int) -> Any:
-    """Slopes of a cost, by the velocities of all joints; 0 parts: its value as it is."""
-    return given if parts == 0 else tuple(wide.v(np.asarray(part, dtype=float)) for part in given)
 
 
 def _require_no_crossing(wide: Varied, run: Trajectory) -> None:

@@ -98,8 +98,7 @@ def gradient(
     if trajectory.dissipated is not None:
         from ..phases.gradient import pulled  # loaded where it is used
 
-        swept = pulled(trajectory, cost, torque, names, torque_slopes, mode)
-        return Gradient(swept.value, *swept.by_start, swept.by_torque, {})
+        return pulled(trajectory, cost, torque, names, torque_slopes, mode)
     if any(is_geometry(name) for name in names):
         from .geometry_gradient import by_geometry  # loaded where it is used
 

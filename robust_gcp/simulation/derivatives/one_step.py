@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...checks import check_finite, check_mechanism, check_positive
+from ...checks import check_finite, check_mechanism, check_positive, is_table
 from ...dynamics.loads import Torques
 from ...errors import OptionError
 from ...kernel.derivatives.derivations import left_to_python
@@ -144,7 +144,7 @@ def step_jacobians(
     """
     check_mechanism(mechanism, Mechanism, "step_jacobians")
     check_positive("step", step)
-    held: Any = tau if tau is None or np.ndim(tau) == 2 else mechanism.velocity(tau, "tau")
+    held: Any = tau if tau is None or is_table(tau) else mechanism.velocity(tau, "tau")
     states = AtStates.of(mechanism, q, v, held, mode=mode)
     found = _stepped(states, float(step), True, mode, 0.0)
     assert found.A is not None and found.B is not None  # they were asked for
@@ -226,14 +226,14 @@ def _by_reference(
 ) -> None:
     """Write the step from a state as `simulate` or the reference take it."""
     mechanism, state, torque = states.mechanism, (states.q[i], states.v[i]), states.torque_at(i)
+    function = states.function
     if after.A is not None and after.B is not None:
         held = None if torque is None else mechanism.velocity(torque, "tau")
         acts = Acting(held, held=still_rows(mechanism))
         _write(differentiated(mechanism, state, mode, acts, t, h), i, after)
         return
     left_to_python(mechanism, "single steps")
-    later = None if not callable(torque) else lambda s, q, v, f=torque: f(t + s, q, v)
-    acting = torque if later is None else later
+    acting = torque if function is None else lambda s, q, v: function(t + s, q, v)
     run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)
     after.q[i], after.v[i] = run.q[-1], run.v[-1]
 

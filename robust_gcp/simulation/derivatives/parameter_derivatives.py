@@ -126,10 +126,8 @@ def _of_steps(states: AtStates, names: list[str], h: float) -> Array:
             at, fast = (np.vstack([part, np.full_like(part, np.nan)]) for part in (q, v))
             taken = kernel.take(np.array([0.0, h]), at, fast, tau, np.inf, staged=True)
             if taken.good.all():
-                stages, by_stage = (
-                    taken.stages,
-                    kernel.pull(0, 1, np.eye(2 * mechanism.m), staged=True).by_stage,
-                )
+                stages = taken.stages
+                by_stage = kernel.pull(0, 1, np.eye(2 * mechanism.m), staged=True).by_stage
                 assert stages is not None and by_stage is not None  # they were asked for
                 moved = [parameters.torques(*s) for s in zip(stages.q, stages.v, stages.a, strict=True)]
                 found.append(np.einsum("rsn,snk->rk", by_stage[0], np.array(moved)))

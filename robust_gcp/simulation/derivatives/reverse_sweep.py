@@ -13,12 +13,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.discrete import Stage
 from ...dynamics.equations import called_torque
 from ...dynamics.parameters import Parameters
 from ...dynamics.prescribed.drive import Drive
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...dynamics.problem import Problem
+from ...dynamics.problem import Problem, initial_value_problem
 from ...dynamics.torque_feedback import AppliedSlopes, TorqueSlopes, followed
 from ...errors import SimulationError
 from ...kernel.derivatives.derivations import left_to_python
@@ -29,16 +30,19 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.trajectory import Trajectory
 from .accelerations import derivatives
-from .cost import Cost, Gradient, reduced
-from .cost_terms import Along, Slopes
+from .cost import Cost, Gradient
+from .cost_terms import Along
 from .drive_derivatives import DriveSweep
 from .kernel_sweep import Backwards, backwards, kernel_of
-from .run_again import applied_again, begun, coordinates_of, refined_until, require_answers, require_same
+from .run_again import applied_again, coordinates_of, refined_until, require_answers, require_same
 from .step_derivatives import WHAT, Follower, differentiated
 from .step_of_motion import Acting, Moved
 
 STRETCH = 25
 """Steps that are kept at once."""
+
+REGULAR = 0.1
+"""Conditioning of K_d from which a stretch may begin at a state."""
 
 
 class ReverseSweep:
@@ -120,23 +124,23 @@ class ReverseSweep:
 
     def _change_to(self, mechanism: Mechanism, i: int) -> None:
         """Take the adjoint at output i to other coordinates: δη = G δη' and δu = G δu' + ∂v/∂y' δη'."""
-        own, mode = self._mechanism.iv_independent, self._mode if i == 0 else None
-        rates = derivatives(mechanism, self._run.q[i], self._run.v[i], mode=mode)
-        G, m = rates.G[own], self._mechanism.m
-        by_y, by_u = self._adjoint[:m], self._adjoint[m:]
-        self._adjoint = np.concatenate([by_y @ G + by_u @ rates.dv_dy[own], by_u @ G])
+        mode = self._mode if i == 0 else None
+        there = Slope.of(derivatives(mechanism, self._run.q[i], self._run.v[i], mode=mode))
+        by_y, by_u = np.split(self._adjoint, 2)
+        self._adjoint = there.of_rows(self._mechanism.iv_independent).pulled(by_y, by_u)
 
-    def _begin_with_end(self, G: Array, dv_dy: Array) -> None:
+    def _begin_with_end(self, last: Slope) -> None:
         """Take up the terminal term, with the map's slopes there."""
         if not self._begun_with_end:
             self._begun_with_end = True
-            self._value, slopes = self._cost.at_end(self._mechanism, self._run.q[-1], self._run.v[-1])
-            self._adjoint = reduced(slopes, G, dv_dy)
+            q, v = self._run.q[-1], self._run.v[-1]
+            self._value, (by_q, by_v, _) = self._cost.at_end(self._mechanism, q, v)
+            self._adjoint = last.pulled(by_q, by_v)
 
     def _by_kernel(self, stretch: Backwards) -> int:
         """Sweep through a stretch that the kernel took again; returns where it begins."""
         begin, end = stretch.begin, stretch.end
-        self._begin_with_end(stretch.G[-1], stretch.dv_dy[-1])
+        self._begin_with_end(Slope(stretch.G[-1], stretch.dv_dy[-1]))
         after = before = feedback = None
         if self._function is not None:
             feedback = self._followed(stretch)
@@ -186,8 +190,7 @@ class ReverseSweep:
             require_same(run, self._mechanism, i + 1, moved.q, moved.v)
             taken.append((i, moved))
         if not taken:  # coordinates were changed at the end
-            rates = derivatives(self._mechanism, run.q[end], run.v[end])
-            self._begin_with_end(rates.G, rates.dv_dy)
+            self._begin_with_end(Slope.of(derivatives(self._mechanism, run.q[end], run.v[end])))
         for i, moved in reversed(taken):
             self._pull(i, moved)
         return begin
@@ -206,7 +209,19 @@ class ReverseSweep:
         return i
 
     def _begun(self, begin: int, torque: Any, first: int) -> tuple[int, Problem]:
-        return begun(self._run, self._mechanism, (first, begin), self._mode, torque, self._drives)
+        """The motion from an output, or from a regular one before it, not before the first."""
+        mechanism, run = self._mechanism, self._run
+        while True:
+            drive = None if self._drives is None else self._drives.of(mechanism, begin)
+            state = run.q[begin], run.v[begin], self._mode if begin == 0 else None
+            try:
+                motion = initial_value_problem(mechanism, *state, torque, drive=drive)
+                if begin == first or motion.start.point.conditioning >= REGULAR:
+                    return begin, motion
+            except SimulationError:
+                if begin == first:
+                    raise
+            begin = max(first, begin - 5)
 
     def _acting(self, torque: Any) -> Acting:
         """What acts, with its slopes within steps and those by the parameters."""
@@ -223,34 +238,34 @@ class ReverseSweep:
     def _pull(self, i: int, moved: Moved) -> None:
         """Take the adjoint from after step i to before it."""
         first, last, half = moved.first, moved.last, 0.5 * float(self._run.t[i + 1] - self._run.t[i])
-        self._begin_with_end(last.G, last.dv_dy)
-        after, before = self._running(i, i + 1), self._running(i, i)
-        self._value += half * (after[0] + before[0])
-        adjoint = self._adjoint + half * reduced(after[1], last.G, last.dv_dy)
-        by_torque = moved.B.T @ adjoint + half * (after[1][2] + before[1][2])
+        self._begin_with_end(last)
+        value_after, after, by_tau_after = self._running(i, i + 1, last)
+        value_before, before, by_tau_before = self._running(i, i, first)
+        self._value += half * (value_after + value_before)
+        adjoint = self._adjoint + half * after
+        by_torque = moved.B.T @ adjoint + half * (by_tau_after + by_tau_before)
         self._by_parameters += moved.P.T @ adjoint
         if self._drives is not None and moved.D is not None:
             self._drives.add(i, (moved.D.T @ adjoint).reshape(1, 5, 3, -1))
-        self._adjoint = moved.A.T @ adjoint + half * reduced(before[1], first.G, first.dv_dy)
+        self._adjoint = moved.A.T @ adjoint + half * before
         if self._function is not None and self._table is not None:  # asked at the state before the step
             by_q, by_v = self._slopes_of(float(self._run.t[i]), self._run.q[i], self._run.v[i])
-            answer = by_torque @ by_q, by_torque @ by_v, by_torque
-            self._adjoint = self._adjoint + reduced(answer, first.G, first.dv_dy)
+            self._adjoint = self._adjoint + first.pulled(by_torque @ by_q, by_torque @ by_v)
         self._by_torque[i] = by_torque
 
-    def _running(self, i: int, at: int) -> tuple[float, Slopes]:
-        """The running term at output `at` under the torque of step i, with its slopes."""
+    def _running(self, i: int, at: int, here: Slope) -> tuple[float, Array, Array]:
+        """The running term at output `at` under the torque of step i, its slopes by the state and by τ."""
         t, q, v = float(self._run.t[at]), self._run.q[at], self._run.v[at]
         if self._table is not None:
-            return self._cost.running_term.at(self._mechanism, t, q, v, self._table[i])
-        assert self._function is not None
-        value, (by_q, by_v, by_tau) = self._cost.running_term.at(
-            self._mechanism, t, q, v, self._function(t, q, v)
-        )
-        if not np.any(by_tau):
-            return value, (by_q, by_v, by_tau)
-        tau_q, tau_v = self._slopes_of(t, q, v)
-        return value, (by_q + by_tau @ tau_q, by_v + by_tau @ tau_v, by_tau)
+            tau = self._table[i]
+        else:
+            assert self._function is not None  # there is one or the other
+            tau = self._function(t, q, v)
+        value, (by_q, by_v, by_tau) = self._cost.running_term.at(self._mechanism, t, q, v, tau)
+        if self._table is None and np.any(by_tau):
+            tau_q, tau_v = self._slopes_of(t, q, v)
+            by_q, by_v = by_q + by_tau @ tau_q, by_v + by_tau @ tau_v
+        return value, here.pulled(by_q, by_v), by_tau
 
     def _running_at(self, stretch: Backwards) -> tuple[Along, Along]:
         """The running term at the beginnings and at the ends of the steps of a stretch."""

@@ -8,27 +8,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import is_table
 from ...dynamics.equations import CheckedTorque
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
-from ...dynamics.problem import Problem, initial_value_problem
-from ...errors import OptionError, SimulationError
+from ...errors import OptionError
 from ...maps.start_check import checked_mode
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.acted import Acted
 from ..trajectories.trajectory import Trajectory
 from .cost import checked_torques
-from .drive_derivatives import DriveSweep
 
 SAME_TIME = 1e-12
 """s: times so near to each other are the same."""
 
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
-
-REGULAR = 0.1
-"""Conditioning of K_d from which a stretch may begin at a state."""
 
 ALIKE = 1e-6
 """Relative difference of torques and of lengths of steps that rounding may make."""
@@ -75,18 +71,18 @@ def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
             "gradient: a torque function or wrenches acted on this run, and its file or pickle holds none; "
             "give all that acted as torque=, a function (t, q, v)"
         )
-    is_table = torque is not None and np.ndim(torque) == 2
-    if is_table and acted.wrenches:
+    in_rows = is_table(torque)
+    if in_rows and acted.wrenches:
         raise OptionError(
             "gradient: wrenches= acted on this run, which a table of torques leaves out; leave torque= out, "
             "as the trajectory remembers all, or give a function (t, q, v), to which they are added"
         )
     total = acted.torque
-    if torque is not None and not is_table:
+    if torque is not None and not in_rows:
         total = one_torque(mechanism, torque, acted.wrenches)
-    if callable(total) and not is_table:
+    if callable(total) and not in_rows:
         return Applied(total, None if acted.held is None else checked_torques(mechanism, acted.held, steps))
-    table: Any = torque if is_table else total
+    table: Any = torque if in_rows else total
     if torque is None and acted.held is not None:
         table = acted.held
     return Applied(None, checked_torques(mechanism, table, steps))
@@ -156,29 +152,6 @@ def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
         at = int(np.argmin(np.abs(run.t - t)))
         found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
     return found
-
-
-def begun(
-    run: Trajectory,
-    mechanism: Mechanism,
-    between: tuple[int, int],
-    mode: ArrayLike | None,
-    torque: Any,
-    drives: DriveSweep | None,
-) -> tuple[int, Problem]:
-    """The motion from the second of two outputs, or from a regular one before it, not before the first."""
-    first, begin = between
-    while True:
-        drive = None if drives is None else drives.of(mechanism, begin)
-        try:
-            own = mode if begin == 0 else None
-            motion = initial_value_problem(mechanism, run.q[begin], run.v[begin], own, torque, drive=drive)
-            if begin == first or motion.start.point.conditioning >= REGULAR:
-                return begin, motion
-        except SimulationError:
-            if begin == first:
-                raise
-        begin = max(first, begin - 5)
 
 
 def refined_until(run: Trajectory, end: int) -> int:

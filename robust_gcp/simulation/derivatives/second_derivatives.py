@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import check_mechanism, check_positive, checked_rows, checked_vector
+from ...checks import check_mechanism, check_positive, checked_rows, checked_vector, is_table
 from ...errors import RobustGcpError, SimulationError, StateError
 from ...mechanism.differences import moved_along
 from ...mechanism.mechanism import Mechanism
@@ -86,6 +86,8 @@ def second_derivatives(
     G = mechanism.G(states.q)
     scale = LONGEST / np.maximum(_size(mechanism, states, G, along), 1e-300)
     for _ in range(HALVINGS):
+        if not len(left):
+            break
         at = [part[left] for part in (states.q, states.v, tau_now, G, *along)]
         eighth, sixth = _each_or_all(mechanism, at, scale[left], h)
         with np.errstate(invalid="ignore"):  # none where both are infinite
@@ -94,8 +96,6 @@ def second_derivatives(
         nearer = error < apart[left]
         found[left[nearer]], apart[left[nearer]] = eighth[nearer], error[nearer]
         left = left[(nearer & (error > ENOUGH)) | ~np.isfinite(error)]
-        if not len(left):
-            break
         scale[left] *= 0.5
     bad = np.flatnonzero(~(apart < AGREE))
     if len(bad):
@@ -110,7 +110,7 @@ def _rows(given: ArrayLike | None, n: int, size: int, what: str, letter: str) ->
     """A direction at each of n states."""
     if given is None:
         return np.zeros((n, size))
-    if np.ndim(given) > 1:
+    if is_table(given):
         return checked_rows(given, n, size, what, letter)
     return np.tile(checked_vector(given, size, what, letter), (n, 1))
 
@@ -149,7 +149,7 @@ def _each_or_all(mechanism: Mechanism, at: list[Array], scale: Array, h: float |
 def _differences(mechanism: Mechanism, at: list[Array], scale: Array, h: float | None) -> tuple[Array, Array]:
     """Both differences at some states, (N, …) each."""
     q, v, tau, G, dy, du, dtau = at
-    n, m = len(q), mechanism.m
+    n = len(q)
     shares = np.concatenate([np.arange(1, 5), -np.arange(1, 5)])
     s = (shares[:, None] * scale).ravel()[:, None]
     many = [np.tile(part, (len(shares), 1)) for part in (q, v, tau, dy, du, dtau)]
@@ -166,6 +166,6 @@ def _differences(mechanism: Mechanism, at: list[Array], scale: Array, h: float |
         after = step(mechanism, q, v, tau + s * dtau, h, jacobians=True)
         assert after.A is not None and after.B is not None  # they were asked for
         rows = np.concatenate([after.A, after.B], axis=2)
-    rows = rows.reshape(2, 4, n, -1, 2 * m + mechanism.nv)
+    rows = rows.reshape(2, 4, n, *rows.shape[1:])
     pairs = (rows[0] - rows[1]) / scale[:, None, None]
     return np.tensordot(EIGHTH, pairs, 1), np.tensordot(SIXTH, pairs, 1)

@@ -12,7 +12,7 @@ from ...dynamics.torque_feedback import TorqueSlopes, slopes_of_all
 from ...errors import OptionError
 from ...mechanism.tree.tree import Array
 from ..phases.chain import Chain
-from ..phases.links import Link, whole
+from ..phases.links import Link
 from ..trajectories.trajectory import Trajectory
 from .run_again import require_steps
 
@@ -77,7 +77,7 @@ def sensitivity(
     if trajectory.acted is not None:
         torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     chain = Chain(trajectory, torque_slopes, mode)
-    changes = whole(chain.start)
+    changes = chain.start.whole
     for link in chain.links():
         changes = link.onward(changes) if isinstance(link, Link) else link.jump.matrix @ changes
     changes = np.where(chain.undefined, np.nan, changes)

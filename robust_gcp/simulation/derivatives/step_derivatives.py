@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 
 from ...checks import require_finite
 from ...dynamics.change_of_coordinates import Slope
-from ...dynamics.discrete import differentiated_step
+from ...dynamics.discrete import NOTHING, differentiated_step
 from ...dynamics.modes.mode_rates import SPARED, UNSTEADY, ZONE
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import SimulationError
@@ -196,16 +196,14 @@ class Follower:
 
     def whole(self, h: float) -> Moved:
         """One step of RK4, whose end is where it goes on."""
-        motion, slopes, by_more = self._motion, self._slopes, self._acting.by_more
+        motion, slopes, drive = self._motion, self._slopes, self._acting.drive
         step = differentiated_step(slopes, self._t, self._x, h)
-        by = [stage.slopes.da_dtau[:, :0] if by_more is None else by_more(stage) for stage in step.stages]
         x = np.concatenate([step.end.y, step.end.ydot])
         now, x = in_new_chart(motion.explicit, motion.equations.at_point(self._t + h, step.end), x)
         last = Slope.of(slopes.derivatives_at(self._t + h, now))
         self._t, self._x, self._now = self._t + h, x, now
         own = motion.mechanism
-        drive = self._acting.drive
-        A, B, P, D = step.jacobians_by(by, *([] if drive is None else [drive.driven]))
+        A, B, P, D = step.jacobians(self._acting.by_more, NOTHING if drive is None else drive.driven)
         require_finite(A, "A")
         return Moved(A, B, P, own, own, Slope.of(step.stages[0].slopes), last, now.point.q, now.v, D)
 

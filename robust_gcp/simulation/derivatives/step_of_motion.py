@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from ...dynamics.change_of_coordinates import Slope
 from ...dynamics.derivatives import PointDerivatives
-from ...dynamics.discrete import Stage
+from ...dynamics.discrete import Parametric
 from ...dynamics.equations import TorqueFunction
 from ...dynamics.modes.taylor_series import circles_of
 from ...dynamics.prescribed.constrained_derivatives import DrivenDerivatives, HeldDerivatives
@@ -20,8 +19,6 @@ from ...dynamics.torque_feedback import TorqueSlopes
 from ...kernel.derivatives.derivations import derivation
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-
-Parametric = Callable[[Stage], Array]
 
 
 @dataclass(frozen=True)
@@ -80,7 +77,7 @@ class Moved:
     q, v : ndarray (nq,), (nv,)
         Its end.
     D : ndarray (2m, 15 driven) or None
-        By prescribed motions, see `Step.jacobians_by`; where the coordinates stay the same.
+        By prescribed motions, see `Step.jacobians`; where the coordinates stay the same.
     """
 
     A: Array

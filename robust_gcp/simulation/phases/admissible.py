@@ -50,8 +50,9 @@ class Seen:
     @classmethod
     def of(cls, v: Array, a: Array, before: Seen | None = None) -> Seen:
         """Where nothing moves `toward` stays as it was."""
-        moving = before is None or np.abs(v).max(initial=0.0) > SLOW
-        return cls(v, a, v if moving or before is None else before.toward)
+        if before is None or np.abs(v).max(initial=0.0) > SLOW:
+            return cls(v, a, v)
+        return cls(v, a, before.toward)
 
     def tangent(self, iv: NDArray[np.int64], units: Array) -> tuple[Array, Array] | None:
         """Unit tangent t of velocities `iv`, and their curvature: dt/ds; None where nothing tells them."""
@@ -66,7 +67,7 @@ class Seen:
         return None
 
 
-def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> tuple[Array, Array]:
+def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen) -> tuple[Array, Array]:
     """N (nv, m) and p (nv,): what may move at q, and the acceleration that v alone asks for.
 
     Raises
@@ -89,11 +90,7 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen | None) -> t
         U, s, Vt = np.linalg.svd(K[:, iv], full_matrices=True)
         share = float(s[rank - 1] / s[0]) if rank else 1.0
         # Nearly singular, ker K turns by ε/δ with rounding; the tangent of the motion itself does not.
-        told = (
-            seen.tangent(iv, mechanism.units[iv])
-            if cluster.m == 1 and seen is not None and share < NEAR
-            else None
-        )
+        told = seen.tangent(iv, mechanism.units[iv]) if cluster.m == 1 and share < NEAR else None
         own = np.zeros((nv, cluster.m))
         if told is not None:
             tangent, curvature = told
@@ -134,9 +131,9 @@ class Frame:
     ----------
     mechanism : Mechanism
     q, v : ndarray (nq,), (nv,)
-    tau : ndarray (nv,) or None
-        All that acts besides gravity; None where only impulses are asked for.
-    seen : Seen, optional
+    seen : Seen
+    tau : ndarray (nv,), optional
+        All that acts besides gravity; left out where only impulses are asked for.
 
     Attributes
     ----------
@@ -148,11 +145,10 @@ class Frame:
     """
 
     def __init__(
-        self, mechanism: Mechanism, q: Array, v: Array, tau: Array | None = None, seen: Seen | None = None
+        self, mechanism: Mechanism, q: Array, v: Array, seen: Seen, tau: Array | None = None
     ) -> None:
         self.N, self.p = admissible(mechanism, q, v, seen)
-        upper = np.triu(mechanism.tree.crba(q))  # `crba` fills no other half
-        self.M: Array = upper + np.triu(upper, 1).T
+        self.M = mechanism.tree.crba(q)
         try:
             self._L = np.linalg.cholesky(self.N.T @ self.M @ self.N)
         except np.linalg.LinAlgError as error:

@@ -74,7 +74,7 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
         Outputs, from the start on.
     """
     q, zero = start.q, np.zeros_like(start.v)
-    holding, acting = Holding(machines.rows, phase, machines.bounds), machines.acting(phase)
+    holding, acting = Holding(machines.bounds, phase), machines.acting(phase)
     constant = machines.bounds.constant  # what slips is at rest too, and none
     still = Seen(zero, zero, start.seen.toward)
 

@@ -63,8 +63,8 @@ class FrictionBounds:
         μ r.
     """
 
-    def __init__(self, rows: Rows, wrenches: Sequence[Wrench] = (), controls: Controls | None = None) -> None:
-        self._rows, self._wrenches, self._controls = rows, wrenches, controls
+    def __init__(self, rows: Rows, wrenches: Sequence[Wrench], controls: Controls) -> None:
+        self.rows, self._wrenches, self._controls = rows, wrenches, controls
         self.share = np.zeros(len(rows.rows))
         self._bearings: dict[int, Bearing] = {}
         for i, row in enumerate(rows.rows):
@@ -88,11 +88,11 @@ class FrictionBounds:
         """F (N, n), with tau all that acts besides gravity and the loops, (N, nv)."""
         found: Array = np.tile(self.constant, (len(t), 1))
         if self.vary:
-            mechanism = self._rows.mechanism
+            mechanism = self.rows.mechanism
             forces = [constraint_forces(mechanism, *x) for x in zip(t, q, v, a, tau, strict=True)]
             n = self.reactions(mechanism, list(self._bearings), (t, q, v, a, np.array(forces)))
             for k, i in enumerate(self._bearings):
-                F = self._rows.bounds[i] + self.share[i] * np.linalg.norm(n[k], axis=1)
+                F = self.rows.bounds[i] + self.share[i] * np.linalg.norm(n[k], axis=1)
                 found[:, i] = np.maximum(F, LEAST)
         return found
 
@@ -105,7 +105,7 @@ class FrictionBounds:
     ) -> Array:
         """n (k, N, 3) of k rows at states t, q, v, a, λ, in axes of the joints' own."""
         t, q, v, a, multipliers = states
-        u = None if self._controls is None or not mechanism.actuators else self._controls(t, q, v)
+        u = self._controls(t, q, v) if mechanism.actuators else None
         u = None if u is None or np.isnan(u).all() else u
         loaded = Loaded(mechanism, t, q, v, lambda: a, multipliers, self._wrenches, u, self._data)
         chosen, found = [self._bearings[i] for i in rows], np.empty((len(rows), len(t), 3))

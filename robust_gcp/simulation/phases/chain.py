@@ -26,7 +26,7 @@ from ..derivatives.step_of_motion import Acting
 from ..runs.coordinates import in_coordinates
 from ..trajectories.trajectory import Trajectory
 from .decision import Phase
-from .links import Link, Turned, whole
+from .links import Link, Turned
 from .rows import Kind
 from .saltation import jump_of, without_parts
 from .transitions import BREAK, LATCH, Passed, Turn
@@ -248,7 +248,7 @@ class Chain:
 
     def _undefined(self, phase: Phase) -> Array:
         """Which changes of the start move what is held there, or push a resting stop."""
-        every, nv = whole(self.start), self._mechanism.nv
+        every, nv = self.start.whole, self._mechanism.nv
         found = np.zeros(every.shape[1], dtype=bool)
         for i in phase.held:
             E = self._rows.E[i]

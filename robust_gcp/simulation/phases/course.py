@@ -11,7 +11,6 @@ import numpy as np
 from ...errors import CuspError, SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from .admissible import Seen
 from .at_rest import Still, rested
 from .decision import State, decided, settled
 from .happening import Happening
@@ -38,8 +37,6 @@ AHEAD = (1e-3, 1e-2, 0.1, 1.0)
 
 class Phases(RoundCusps):
     """A motion through phases; parameters are those of `Progress`."""
-
-    _begun = (-np.inf, 0)  # when a phase began last, and how many did then
 
     # ----------------------------------------------------------------- from phase to phase
 
@@ -72,8 +69,7 @@ class Phases(RoundCusps):
             return
         self._collect()
         other = phase.successor()
-        known = self._rows, self._machines.bounds, self._machines.acting(other)
-        other.held = decided(*known, other, self._state)
+        other.held = decided(self._machines.bounds, self._machines.acting(other), other, self._state)
         self._fresh = sorted(other.held) != sorted(phase.held) or other.slip != phase.slip
 
     def _tell(self, kind: str, rows: Any, loss: float = 0.0) -> None:
@@ -86,8 +82,8 @@ class Phases(RoundCusps):
         self._require_progress()
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
-        known = self._rows, machines.bounds, machines.acting
-        self._phase, self._v = settled(*known, self._phase, self._state, self._ahead, self._tell)
+        given = self._phase, self._state, self._ahead, self._tell
+        self._phase, self._v = settled(machines.bounds, machines.acting, *given)
         self.passed.turns.append(Turn(self._t, self._why, self._q, before, self._v, replace(self._phase)))
         self._why, self._ahead, self._fresh, self._size = SWITCH, None, False, FIRST
         machine = self._machine = machines.of(self._phase, self._q)
@@ -169,7 +165,7 @@ class Phases(RoundCusps):
             steps = replace(steps, t=np.append(steps.t[:-1], np.nextafter(end, -np.inf)))
         self._keep(steps.first(k + 1), held[: k + 1])
         if found is not None:
-            self._met(steps, found, held[k])
+            self._met(machine, found, float(steps.t[k + 1] - steps.t[k]), held[k])
             return
         self._t, self._fresh, self._read = end, switched, leg.at
         if leg.ended:
@@ -191,15 +187,16 @@ class Phases(RoundCusps):
                 return steps, found, held
         raise fault
 
-    def _met(self, steps: Steps, found: Found, held: Array) -> None:
-        """Go to an event in the step that begins now."""
-        k, start = found.step, self._state
+    def _met(self, machine: Mechanism, found: Found, h: float, held: Array) -> None:
+        """Go to an event in the step h that begins now."""
+        start = self._state
         self._count()
         self._events.forget(self._t)
         self._events.ended_by = None
-        part = self._stretch.located(steps, found, self._seen)
-        if part is not None and self._events:
-            part = self._stretch.within(steps, k, self._seen, float(part.t[-1]), self._events)
+        part = self._stretch.located(start, h, found)
+        if part is not None and self._events:  # which may end it before
+            end = float(part.t[-1])
+            part = self._machines.part(machine, self._phase, start, end, self._events)
         if part is not None:
             end = float(part.t[-1])
             block = self._stretch.block(part, np.array([held, self._stretch.forces(part, -1)]))
@@ -208,8 +205,7 @@ class Phases(RoundCusps):
             block.t = np.array([start.t, before])
             inner = [(0, row) for row in self._within(start, end, held)]
             self.joined.add(block.with_rows(inner), self._phase, first=1)
-            self._t, self._q, self._v = end, part.q[-1].copy(), part.v[-1].copy()
-            self._seen = Seen.of(self._v, part.a[-1].copy(), self._seen)
+            self._arrive(part)
         if self._events.ended:
             self._stop_at_event()
         else:
@@ -224,13 +220,12 @@ class Phases(RoundCusps):
     def _stop_at_event(self) -> None:
         """An event ends the motion, or closes a lock."""
         self._drop()
-        k = self._events.ended_by
-        if self._over or k is None:
+        if self._over:
             self.ended = self.joined.to_the_end = True
             return
         self._events.ended_by, self._fresh, self._why = None, True, LATCH
-        latched = self._phase.latched | {self._latches[k - self._asked]}
-        self._phase = replace(self._phase, latched=latched)
+        closed = {self._latches[k - self._asked] for k in self._events.together if k >= self._asked}
+        self._phase = replace(self._phase, latched=self._phase.latched | closed)
 
     def _decide(self, found: Found) -> None:
         """What the event is, for the decision that follows."""
@@ -248,9 +243,7 @@ class Phases(RoundCusps):
         state = self._state
         for share in AHEAD:
             part = self._stretch.part(state, state.t + share * self._grid.step)
-            yield State(
-                float(part.t[-1]), part.q[-1], part.v[-1], Seen.of(part.v[-1], part.a[-1], state.seen)
-            )
+            yield State.of(part, -1, state.seen)
 
     def _rest(self, end: float) -> None:
         """Nothing moves, up to a time or until something breaks loose."""

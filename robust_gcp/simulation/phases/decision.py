@@ -5,8 +5,9 @@ f ∈ [0, ∞) of stops, [−F, F] of dry friction, ℝ of locks; w = W f + b ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable, Iterable, Sequence
+from collections.abc import Callable, Hashable, Iterable
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
 from .impact import REST, Tell, settled_impacts
 from .quadratic_programs import ZERO, box, independent_rows
 from .rows import Kind, Rows
+
+if TYPE_CHECKING:
+    from .phase_run import Steps
 
 ON_STOP = 1e-13
 """m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
@@ -36,6 +40,12 @@ class State:
     q: Array
     v: Array
     seen: Seen
+
+    @classmethod
+    def of(cls, steps: Steps, k: int, before: Seen) -> State:
+        """At the end of a step."""
+        q, v = steps.q[k], steps.v[k]
+        return cls(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], before))
 
 
 @dataclass
@@ -83,10 +93,10 @@ class Phase:
         if self.touching:
             gaps = rows.gaps(q)
             for i in self.touching:
-                part, side = rows.rows[i].part, rows.side[i]
+                row, side = rows.rows[i], rows.side[i]
                 depth, rate = -gaps[..., i], -side * (v @ rows.E[i])
                 # as of Hunt and Crossley: no jump of the force where the spring is touched or left
-                f[..., i] = side * part.stiffness * depth * (1.0 + part.damping * rate)  # type: ignore[union-attr]
+                f[..., i] = side * row.stiffness * depth * (1.0 + row.damping * rate)
         return f
 
 
@@ -94,20 +104,20 @@ def candidates(rows: Rows, phase: Phase, state: State, bounds: Array) -> tuple[l
     """Rows that rest, and the bounds of their forces in the direction `side`."""
     rates, closed = rows.E @ state.v, set(rows.closed(state.q))
     locked = set(rows.locked(state.t, phase.latched))
-    found: list[tuple[int, float, float]] = []
+    limits: dict[int, tuple[float, float]] = {}
     for i, row in enumerate(rows.rows):
         resting = abs(rates[i]) <= REST
         if i in locked:
-            found.append((i, -np.inf, np.inf))
+            limits[i] = -np.inf, np.inf
         elif row.rubs and resting:
-            found.append((i, -bounds[i], bounds[i]))
+            limits[i] = -bounds[i], bounds[i]
         elif i in closed and resting:
-            found.append((i, 0.0, np.inf))
-    chosen = [i for i, _, _ in found]
-    return chosen, np.array([low for _, low, _ in found]), np.array([high for _, _, high in found])
+            limits[i] = 0.0, np.inf
+    lower, upper = np.array(list(limits.values())).reshape(-1, 2).T
+    return list(limits), lower, upper
 
 
-def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:
+def decided(bounds: FrictionBounds, acting: Acting, phase: Phase, state: State) -> list[int]:
     """The rows that stay at rest; `phase.slip` is set to those that slip, with their directions.
 
     Where F is a share of reactions, by iteration.
@@ -117,13 +127,13 @@ def decided(rows: Rows, bounds: FrictionBounds, acting: Acting, phase: Phase, st
     SimulationError
         Where that finds none.
     """
-    F = bounds.constant
+    F, rubs = bounds.constant, bounds.rows.rubs
     for _ in range(MOST):
-        held, acceleration = _decided_with(rows, F, acting, phase, state)
+        held, acceleration = _decided_with(bounds.rows, F, acting, phase, state)
         if acceleration is None or not bounds.vary:
             return held
         before, F = F, bounds.bounds_at(state.t, state.q, state.v, *acceleration)
-        if np.abs(F[rows.rubs] - before[rows.rubs]).max() <= ALIKE * F[rows.rubs].max():
+        if np.abs(F[rubs] - before[rubs]).max() <= ALIKE * F[rubs].max():
             return held
     raise SimulationError(
         f"JointFriction(coefficient=): at t = {state.t:.6g} s it is open which joints stick, as the friction "
@@ -142,7 +152,7 @@ def _decided_with(
     if not chosen:
         return [], None
     tau = acting(t, q, v, bounds)
-    frame = Frame(rows.mechanism, q, v, tau, state.seen)
+    frame = Frame(rows.mechanism, q, v, state.seen, tau)
     E = rows.side[chosen][:, None] * rows.E[chosen]
     B = frame.rows(E)
     b = B.T @ frame.free + E @ frame.p
@@ -160,7 +170,7 @@ def _decided_with(
 
 
 def settled(
-    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, state: State,
+    bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, state: State,
     ahead: Iterable[State] | None, tell: Tell,
 ) -> tuple[Phase, Array]:  # fmt: skip
     """The phase that begins at an instant, and its velocity.
@@ -176,14 +186,15 @@ def settled(
         States a moment later on the phase that ends, where what was held breaks: its rows have no
         acceleration yet, and their signs are told by what they would have then.
     """
+    rows = bounds.rows
     locks = rows.locked(state.t, before.latched)
     # Impulses first: what is held is decided at the velocity that they leave.
     v = _still(settled_impacts(rows, state.t, state.q, state.v, locks, state.seen, tell), state.v)
     phase = before.successor()
     if ahead is None:
-        phase.held = decided(rows, bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
+        phase.held = decided(bounds, acting(phase), phase, State(state.t, state.q, v, state.seen))
     # At the instant itself what is held still balances: only a moment later tells which way it gives.
-    elif not _broken(rows, bounds, acting, before, phase, ahead):
+    elif not _broken(bounds, acting, before, phase, ahead):
         raise SimulationError(f"at t = {state.t:.6g} s a joint ought to break loose and does not")
     for kind, here, there in (("hold", phase.held, before.held), ("release", before.held, phase.held)):
         if changed := sorted(set(here) - set(there)):
@@ -200,13 +211,13 @@ def _still(v: Array, before: Array) -> Array:
 
 
 def _broken(
-    rows: Rows, bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, phase: Phase,
+    bounds: FrictionBounds, acting: Callable[[Phase], Acting], before: Phase, phase: Phase,
     ahead: Iterable[State],
 ) -> bool:  # fmt: skip
     """Whether the phase differs from the one before at one of the states ahead."""
     for state in ahead:
         phase.slip = dict(before.slip)
-        phase.held = decided(rows, bounds, acting(phase), phase, state)
+        phase.held = decided(bounds, acting(phase), phase, state)
         if sorted(phase.held) != sorted(before.held):
             return True
     return False
@@ -214,7 +225,7 @@ def _broken(
 
 def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
     """v with the rates of what is held to rounding 0, and the phase's independent rows."""
-    frame = Frame(rows.mechanism, q, v, None, seen)
+    frame = Frame(rows.mechanism, q, v, seen)
     E = rows.E[phase.held]
     B = frame.rows(E)
     phase.basis = [phase.held[k] for k in independent_rows(B)]
@@ -223,8 +234,3 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
         on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
         phase.offsets[i] = float(rows.at[i] if on else values[i])
     return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
-
-
-def resting(rows: Rows, phase: Phase) -> Sequence[int]:
-    """Held rows whose forces have limits."""
-    return [i for i in phase.held if rows.rows[i].kind is not Kind.LOCK]

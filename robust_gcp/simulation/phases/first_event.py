@@ -7,7 +7,6 @@ from scipy.optimize import brentq
 
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from ..events import Events
 from .admissible import Seen
 from .decision import Phase, State
 from .machine import Machines
@@ -15,7 +14,7 @@ from .partial_steps import Partial
 from .phase_run import Steps
 from .record import Block
 from .rows import Kind
-from .watch import BELOW, Found, Holding, Signals, first_break
+from .watch import BELOW, Found, Holding, Signals
 
 SHALLOW = 1e-6
 """m or rad: a stop that is passed by less is looked at on a partial step, since the interpolant errs."""
@@ -45,7 +44,7 @@ class Stretch:
         self._machines, self._machine, self._phase = machines, machine, phase
         self._size, self._within = len(machines.rows.rows), not machines.course.schedule.plain
         self._signals = Signals(machines.rows, phase)
-        self._holding = Holding(machines.rows, phase, machines.bounds)
+        self._holding = Holding(machines.bounds, phase)
         self._bounds, self._acting = machines.sliding(phase, machine), machines.acting(phase)
         self.guard = self._signals.guard()
         self._partial = Partial(machines, machine, machines.torque_of(phase, machine))
@@ -76,9 +75,10 @@ class Stretch:
                 break
             none.add((found.step, found.row))
         held, margins = self._held(steps.first(n if found is None else found.step + 2), n)
-        step = first_break(margins[1:]) if holding.limited else None
-        if step is None or (found is not None and found.step < step):
+        broken = np.flatnonzero(margins[1:] < 0.0)
+        if not (holding.limited and len(broken)) or (found is not None and found.step < broken[0]):
             return found, held
+        step = int(broken[0])
         share = self._broken(steps, step)
         # both in one step: where they are in it decides
         earlier = found is not None and found[:2] < (step, share)
@@ -126,7 +126,7 @@ class Stretch:
         lowest = float(steps.t[k] + found.lowest * (steps.t[k + 1] - steps.t[k]))
         if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
             return True
-        part = self._from(steps, k, seen, lowest)
+        part = self.part(State.of(steps, k, seen), lowest)
         return self._signals.signal_at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
 
     def _broken(self, steps: Steps, step: int) -> float:
@@ -154,20 +154,15 @@ class Stretch:
         part = self._partial.step(start, end, torque)
         return self._machines.part(self._machine, self._phase, start, end) if part is None else part
 
-    def _from(self, steps: Steps, k: int, seen: Seen, end: float) -> Steps:
-        """A partial step from the end of another."""
-        return self.part(_state(steps, k, seen), end)
-
-    def located(self, steps: Steps, found: Found, seen: Seen) -> Steps | None:
-        """A partial step to the event, corrected until its function vanishes; None where it is at once."""
-        k, x = found.step, found.share
-        h, begin = float(steps.t[k + 1] - steps.t[k]), float(steps.t[k])
+    def located(self, start: State, h: float, found: Found) -> Steps | None:
+        """A partial step to an event of a step h, until its function vanishes; None where that is at once."""
+        x, begin = found.share, start.t
         part: Steps | None = None
         before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
             if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
                 return None
-            part = self._from(steps, k, seen, begin + x * h)
+            part = self.part(start, begin + x * h)
             value, slope = self._value(part, found, h, before is None)
             # of a margin no slope is known after the first: the secant through both partial steps
             slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
@@ -180,11 +175,6 @@ class Stretch:
                 slope = secant  # a partial step errs by its length too
             before, x = (x, value), min(x - value / slope, 1.0)
         return part
-
-    def within(self, steps: Steps, k: int, seen: Seen, end: float, events: Events) -> Steps:
-        """The user's events on a partial step, which ends where one of them ends the run."""
-        start = _state(steps, k, seen)
-        return self._machines.part(self._machine, self._phase, start, end, events)
 
     def _value(self, part: Steps, found: Found, h: float, sloping: bool) -> tuple[float, float]:
         """The event's function at the end of a partial step, and its slope by a share of the step h.
@@ -200,9 +190,3 @@ class Stretch:
             return value, 0.0
         dt = min(1e-3 * h, 0.5 * float(part.t[-1] - part.t[0]))
         return value, (value - self._margin(part, float(part.t[-1]) - dt)) / dt * h
-
-
-def _state(steps: Steps, k: int, seen: Seen) -> State:
-    """At the end of a step."""
-    q, v = steps.q[k], steps.v[k]
-    return State(float(steps.t[k]), q, v, Seen.of(v, steps.a[k], seen))

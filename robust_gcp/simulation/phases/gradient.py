@@ -7,7 +7,6 @@ move with it in time: J also changes by ∂J/∂t_k δt there.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,22 +15,13 @@ from ...dynamics.equations import torque_function
 from ...dynamics.torque_feedback import AppliedSlopes, TorqueSlopes
 from ...errors import OptionError
 from ...mechanism.tree.tree import Array
-from ..derivatives.cost import Cost
+from ..derivatives.cost import Cost, Gradient
 from ..trajectories.trajectory import Trajectory
 from .chain import Chain
-from .links import Turned, whole
+from .links import Turned
 
 LATER = 1e-4
 """Step of differences by time of a running cost, as a share of the run."""
-
-
-@dataclass(frozen=True)
-class Pulled:
-    """The value, and its slopes by η and u at the start (m,), and by torques over each step (N, nv)."""
-
-    value: float
-    by_start: tuple[Array, Array]
-    by_torque: Array
 
 
 class Running:
@@ -54,9 +44,10 @@ class Running:
         self.value, self.by_state, self.by_torque = 0.0, np.zeros((n, 2 * nv)), np.zeros((n - 1, nv))
         self._rate: Array = np.zeros(n)
         self._half = 0.5 * np.diff(run.t)
+        self._weight = np.append(self._half, 0.0) + np.append(0.0, self._half)
         if cost.running is None:
             return
-        weight = np.append(self._half, 0.0) + np.append(0.0, self._half)
+        weight = self._weight
         tau = np.array([self._tau(*state) for state in zip(run.t.tolist(), run.q, run.v, strict=True)])
         found = cost.running_term.at_each(mechanism, (run.t, run.q, run.v, tau))
         self._rate = found.values
@@ -78,13 +69,12 @@ class Running:
         run, L = self._run, self._rate
         before = 0.5 * (L[k - 1] + L[k]) if k > 0 else 0.0
         after = 0.5 * (L[k] + L[k + 1]) if k + 1 < len(L) else 0.0
-        weight = (self._half[k - 1] if k > 0 else 0.0) + (self._half[k] if k + 1 < len(L) else 0.0)
         h, t, q, v = LATER * float(run.t[-1] - run.t[0]), float(run.t[k]), run.q[k], run.v[k]
         times = t + h * np.array([1, -1, 2, -2])
         tau = np.array([self._tau(s, q, v) for s in times.tolist()])
         values = self._cost.running_term.values(times, np.tile(q, (4, 1)), np.tile(v, (4, 1)), tau)
         slope = (8.0 * (values[0] - values[1]) - values[2] + values[3]) / (12.0 * h)
-        return float(before - after + weight * slope)
+        return float(before - after + self._weight[k] * slope)
 
     def _tau(self, t: float, q: Array, v: Array) -> Array:
         return np.zeros(self._run.mechanism.nv) if self._torque is None else self._torque(t, q, v)
@@ -97,8 +87,8 @@ def pulled(
     parameters: Sequence[str],
     slopes: TorqueSlopes | None,
     mode: Any,
-) -> Pulled:
-    """The cost of a run with its slopes; the arguments are those of `gradient`."""
+) -> Gradient:
+    """The gradient along a run with stops, friction and locks; the arguments are those of `gradient`."""
     for name, given in (("torque=", torque is not None), ("parameters=", bool(len(parameters)))):
         if given:
             raise OptionError(f"gradient: {name} does not go with a run with joints=; leave it out")
@@ -119,9 +109,9 @@ def pulled(
         by_torque[link.first] += by
         if link.first not in turned:
             row = row + running.by_state[link.first]
-    by_start = np.where(chain.undefined, np.nan, row @ whole(chain.start))
+    by_start = np.where(chain.undefined, np.nan, row @ chain.start.whole)
     by_y, by_u = np.split(by_start, 2)
-    return Pulled(value + running.value, (by_y, by_u), by_torque)
+    return Gradient(value + running.value, by_y, by_u, by_torque, {})
 
 
 def _through(link: Turned, running: Running, row: Array) -> Array:

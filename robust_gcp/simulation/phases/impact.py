@@ -72,13 +72,7 @@ class Impulse(NamedTuple):
 
 
 def struck(
-    rows: Rows,
-    q: Array,
-    v: Array,
-    stops: Sequence[int],
-    locks: Sequence[int],
-    seen: Seen | None,
-    plastic: bool = False,
+    rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen, plastic: bool
 ) -> Impulse | None:
     """One impulse of closed stops and of locks; None where nothing has to change.
 
@@ -93,10 +87,10 @@ def struck(
     E, w = rows.side[struck_rows][:, None] * rows.E[struck_rows], rates[struck_rows]
     if not (np.any(w[:n] < -tiny) or np.any(np.abs(w[n:]) > tiny)):
         return None
-    frame = Frame(rows.mechanism, q, v, None, seen)
+    frame = Frame(rows.mechanism, q, v, seen)
     B = frame.rows(E)
     share = np.minimum(frame.shares(E, B), 1.0)
-    falls = np.zeros(len(w)) if seen is None else np.abs(E @ seen.a)
+    falls = np.abs(E @ seen.a)
     # at a dead point the joint is slow, not what it is part of
     rest = np.maximum(REST * share, np.sqrt(2.0 * LEAST * falls * rows.sizes(q)[struck_rows]))
     fast = np.abs(w) > rest
@@ -113,7 +107,7 @@ def struck(
 
 
 def impulses(
-    rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen | None
+    rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen
 ) -> Iterator[Impulse]:
     """Impulses until no closed stop is approached and locks rest.
 
@@ -123,11 +117,11 @@ def impulses(
     """
     for count in range(2 * MOST if stops or locks else 0):
         try:
-            found = struck(rows, q, v, stops, locks, seen, plastic=count >= MOST)
+            found = struck(rows, q, v, stops, locks, seen, count >= MOST)
         except SimulationError:  # a stop does not throw back what a lock holds
             if not (stops and locks):
                 raise
-            found = struck(rows, q, v, stops, locks, seen, plastic=True)
+            found = struck(rows, q, v, stops, locks, seen, True)
         if found is None:
             return
         yield found
@@ -137,7 +131,7 @@ def impulses(
 
 
 def settled_impacts(
-    rows: Rows, t: float, q: Array, v: Array, locks: Sequence[int], seen: Seen | None, tell: Tell
+    rows: Rows, t: float, q: Array, v: Array, locks: Sequence[int], seen: Seen, tell: Tell
 ) -> Array:
     """v⁺ where no closed stop is approached any more and locks rest.
 

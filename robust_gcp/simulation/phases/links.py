@@ -41,12 +41,12 @@ class Link:
     def onward(self, changes: Array) -> Array:
         """Changes (2nv, k) after the step from those before."""
         nv, own = len(self.end.G), self.own
-        return whole(self.end) @ (self.A @ np.vstack([changes[:nv][own], changes[nv:][own]]))
+        return self.end.whole @ (self.A @ np.vstack([changes[:nv][own], changes[nv:][own]]))
 
     def backward(self, row: Array) -> tuple[Array, Array]:
         """What multiplies changes before it from what multiplies those after it, and the slope by torques."""
         nv, m = len(self.end.G), len(self.own)
-        reduced = row @ whole(self.end)
+        reduced = row @ self.end.whole
         before, pulled = np.zeros(2 * nv), reduced @ self.A
         before[self.own], before[nv + self.own] = pulled[:m], pulled[m:]
         return before, reduced @ self.B
@@ -59,8 +59,3 @@ class Turned:
     jump: Jump
     before: int | None
     after: int | None
-
-
-def whole(slope: Slope) -> Array:
-    """(δq, δv) by (δη, δu), (2nv, 2m)."""
-    return np.block([[slope.G, np.zeros_like(slope.G)], [slope.dv_dy, slope.G]])

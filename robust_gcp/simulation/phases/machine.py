@@ -155,7 +155,7 @@ class Machines:
     def sliding(self, phase: Phase, machine: Mechanism) -> Callable[[float, Array, Array], Array]:
         """F of each row at a state (t, q, v) of a phase."""
         if self.bounds.sliding(phase):
-            return Sliding(self.bounds, machine, self.rows, phase, self.acting(phase))
+            return Sliding(self.bounds, machine, phase, self.acting(phase))
         constant = self.bounds.constant
         return lambda t, q, v: constant
 

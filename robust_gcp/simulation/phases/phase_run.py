@@ -57,9 +57,8 @@ class Steps:
 
     def first(self, n: int) -> Steps:
         """The first n of them."""
-        parts = (self.t, self.q, self.v, self.a, self.tau, self.work)
-        t, q, v, a, tau, work = (part[:n] for part in parts)
-        return Steps(self.tree, t, q, v, a, tau, work, self.regular)
+        parts = {name: getattr(self, name)[:n] for name in ("t", "q", "v", "a", "tau", "work")}
+        return replace(self, **parts)
 
 
 def _shifted(motion: Problem, v: Array) -> float:

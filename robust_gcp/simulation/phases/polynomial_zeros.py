@@ -70,13 +70,7 @@ def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
 
 
 def _real_roots(p: Array) -> Array:
-    used = np.flatnonzero(p)
-    if not len(used):
-        return np.zeros(0)
     # quotients by leading coefficients that small overflow, and within [0, 1] they are nothing
     first = int(np.argmax(np.abs(p) > NOTHING * np.abs(p).max()))
-    zero, p = len(p) - 1 - used[-1], p[first : used[-1] + 1]
-    companion = np.eye(len(p) - 1, k=-1)
-    companion[:1] = -p[1:] / p[0]
-    roots = np.linalg.eigvals(companion)
-    return np.sort(np.concatenate([np.zeros(zero), roots.real[np.abs(roots.imag) < 1e-7]]))
+    roots = np.roots(p[first:])
+    return np.sort(roots.real[np.abs(roots.imag) < 1e-7])

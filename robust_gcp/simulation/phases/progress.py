@@ -3,25 +3,34 @@
 from __future__ import annotations
 
 import copy
+import time
 from collections.abc import Callable, Hashable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...maps.explicit import Crossing
+from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.parts import Part
 from ...mechanism.tree.tree import Array
+from ...user_functions import returned
 from ..events import Event, Events, checked_events
+from ..runs.crossings import together
 from ..trajectories.trajectory import Trajectory
 from .admissible import Seen
 from .decision import Phase, State
 from .first_event import Stretch
-from .grid import Chosen, Grid
+from .grid import Chosen
+from .happening import Happening
 from .machine import Machines
 from .phase_run import Leg, Steps
 from .record import Block, Joined
-from .rows import Kind
+from .rows import Kind, Rows
 from .transitions import START, Passed
+
+if TYPE_CHECKING:
+    from ..runs.course import Course
 
 FIRST = 8
 """Steps that are looked at together after an event, then doubled: some are taken for nothing."""
@@ -29,7 +38,7 @@ FIRST = 8
 KNOWN = 8
 """Phases whose looks are kept."""
 
-SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_size", "_sums", "_armed", "ended")
+SAVED = ("_t", "_q", "_v", "_seen", "_fresh", "_begun", "_size", "_sums", "_armed", "ended")
 """What steps change, besides the phase and the record."""
 
 
@@ -38,13 +47,15 @@ class Progress:
 
     Parameters
     ----------
-    machines : Machines
-    grid : Grid
+    course : Course
+        Of its steps; its schedule says at most which outputs are asked for.
+    parts : sequence of Stop, JointFriction, Lock
+    start : (q0, v0, mode)
+    torque : HeldTorque, callable, array_like or None
+    kernel, required
+        As `Course.run` takes them.
     chosen : Chosen
         Outputs that are kept.
-    start : (q0, v0)
-    events : sequence of Event
-        The user's.
     report : callable (fraction), optional
 
     Attributes
@@ -52,31 +63,39 @@ class Progress:
     joined : Joined
         What is recorded.
     ended : bool
-        Whether one of these ended the motion.
+        Whether one of the user's events ended the motion.
+
+    Raises
+    ------
+    OptionError, ModelError, StateError
     """
 
     def __init__(
-        self, machines: Machines, grid: Grid, chosen: Chosen, start: tuple[Array, Array],
-        events: Sequence[Event] | Events = (), report: Callable[[float], Any] | None = None,
+        self, course: Course, parts: Sequence[Part], start: tuple[Any, Any, Any], torque: Any, kernel: Any,
+        required: bool, chosen: Chosen, report: Callable[[float], Any] | None = None,
     ) -> None:  # fmt: skip
-        self._machines, self._rows, self._grid, self._report = machines, machines.rows, grid, report
+        mechanism, grid, (q0, v0, mode) = course.mechanism, chosen.grid, start
+        self._rows, self._grid, self._report = Rows(mechanism, parts), grid, report
+        require_freedom(mechanism)
         self._t = grid.number(0)
-        self._q, self._v = start
+        self._q, self._v = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
+        machines = self._machines = Machines(self._rows, course, torque, kernel, required, mode)
         self._rows.require_within(self._q)
         self._phase = Phase(touching=frozenset(self._rows.touched(self._q, self._v)))
         self._seen = Seen(self._v, np.zeros_like(self._v), machines.toward(self._v))
         self._ahead: Iterator[State] | None = None
         self._fresh, self._size, self.ended = True, FIRST, False
+        self._begun = (-np.inf, 0)  # when a phase began last, and how many did then
         self._machine: Mechanism | None = None
         self._known: dict[Hashable, Stretch] = {}
         self._leg: Leg | None = None
         self._latches = [i for i in self._rows.of(Kind.LOCK) if self._rows.rows[i].when is not None]
         self._armed = frozenset[int]()  # those that may close
-        asked = events.asked if isinstance(events, Events) else list(events)
+        asked = course.events.asked if isinstance(course.events, Events) else list(course.events)
         self._asked = len(asked)  # of all events; those of latches follow
         self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
         self.passed, self._why = Passed(machines), START
-        self.joined = Joined(self._rows, machines.course.record, chosen, machines.driven)
+        self.joined = Joined(self._rows, course.record, chosen, machines.driven)
         self.joined.stats.step = grid.step
         self._sums, self._read = self.joined.sums, 0  # at the leg's start; its last output that was kept
         locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
@@ -123,6 +142,10 @@ class Progress:
             state = State(float(steps.t[k]), steps.q[k], steps.v[k], self._seen)
             inner += [(k, part) for part in self._within(state, float(steps.t[k + 1]), held[k])]
         self.joined.add(block.with_rows(inner), self._phase)
+        self._arrive(steps)
+
+    def _arrive(self, steps: Steps) -> None:
+        """Go to the last of these ends of steps."""
         self._t, self._q, self._v = float(steps.t[-1]), steps.q[-1].copy(), steps.v[-1].copy()
         self._seen = Seen.of(self._v, steps.a[-1].copy(), self._seen)
 
@@ -147,7 +170,12 @@ class Progress:
     @property
     def crossings(self) -> list[Crossing]:
         """Singular places passed so far."""
-        return self._counted().crossings
+        return together(self._counted().crossings)
+
+    @property
+    def happenings(self) -> list[Happening]:
+        """What happened so far."""
+        return self.joined.happenings
 
     @property
     def events(self) -> Events:
@@ -157,10 +185,12 @@ class Progress:
     def _latch(self, row: int) -> Event:
         """The event that closes a lock, as long as it is open."""
         (asked,) = checked_events([self._rows.rows[row].when])
+        label = f"Lock {self._rows.rows[row].part.joint!r}"
 
         def function(t: float, q: Array, v: Array) -> float:
-            looked_for = row in self._armed and row not in self._phase.latched
-            return asked(t, q, v) if looked_for else 1.0
+            if row not in self._armed or row in self._phase.latched:
+                return 1.0
+            return float(returned(asked(t, q, v), (), f"{label}: when(t, q, v)", t=t))
 
         return Event(function, True, asked.direction)
 
@@ -181,20 +211,21 @@ class Progress:
         if signature == self._rows.signature:
             self._phase, self._seen = copy.deepcopy(phase), seen
 
-    def trajectory(self) -> Trajectory:
-        """What is recorded so far."""
+    def trajectory(self, begun: float) -> Trajectory:
+        """What is recorded so far, and what it cost since `begun` on the computer's clock."""
         self._collect()
-        return self._counted().trajectory(self.events)
+        run = self._counted().trajectory(self.events)
+        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, self._machines.course.acted
+        return run
 
     def _counted(self) -> Joined:
-        """The record with the crossings and the cost of the leg that is not over."""
-        if self._leg is None:
-            return self.joined
+        """A copy of the record, with the crossings and the cost of the leg that is not over."""
         joined = self.joined.copied()
-        joined.count(self._leg.trajectory(), self._t)
+        if self._leg is not None:
+            joined.count(self._leg.trajectory(), self._t)
         return joined
 
-    def saved(self) -> dict[str, Any]:
+    def copied(self) -> dict[str, Any]:
         """All that steps change; what comes next begins with a new leg, as it does after `put_back`."""
         self._drop()
         parts = {name: getattr(self, name) for name in SAVED}
@@ -206,7 +237,7 @@ class Progress:
         }  # fmt: skip
 
     def put_back(self, parts: dict[str, Any]) -> None:
-        """Go back to where these were saved."""
+        """Go back to where these were copied."""
         self._leg = self._ahead = None
         for name in SAVED:
             setattr(self, name, parts[name])

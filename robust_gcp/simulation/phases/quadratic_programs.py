@@ -127,9 +127,8 @@ class Load:
         one_sided = dry | push
         above = np.hstack([np.eye(n), slack])[dry], F[dry]
         below = np.hstack([-np.eye(n), slack])[one_sided], np.where(push, 0.0, F)[one_sided]
-        Q = qr(self._A.T, pivoting=True)[0][
-            :, : self._rank
-        ].T  # the range of Aᵀ: need is in it but for errors
+        # the range of Aᵀ: need is in it but for errors
+        Q = qr(self._A.T, pivoting=True)[0][:, : self._rank].T
         equal = np.hstack([Q @ self._A.T, np.zeros((self._rank, 1))])
         limits = np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]])
         free = [(None, None)] * n + [(None, LARGEST_MARGIN)]

@@ -183,13 +183,10 @@ class Joined:
                 total += rows.bounds[i] * sign * (r[:, i] - r[0, i])
         h = np.diff(block.t)
         for i in phase.touching:
-            part, side = rows.rows[i].part, rows.side[i]
-            rate = part.stiffness * part.damping  # type: ignore[union-attr, operator]
-            d, d1, d2 = (
-                -rows.gaps(block.q)[:, i],
-                -side * (block.v @ rows.E[i]),
-                -side * (block.a @ rows.E[i]),
-            )
+            row, side = rows.rows[i], rows.side[i]
+            rate = row.stiffness * row.damping
+            d = -rows.gaps(block.q)[:, i]
+            d1, d2 = -side * (block.v @ rows.E[i]), -side * (block.a @ rows.E[i])
             power, slope = rate * d * d1**2, rate * (d1**3 + 2.0 * d * d1 * d2)
             steps = 0.5 * h * (power[1:] + power[:-1]) + h**2 / 12.0 * (slope[:-1] - slope[1:])
             total[1:] += np.cumsum(steps)

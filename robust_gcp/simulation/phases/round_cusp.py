@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...errors import CuspError
-from .admissible import Seen
 from .happening import Happening
 from .progress import Progress
 
@@ -62,8 +61,8 @@ class RoundCusps(Progress):
         steps = part.steps(times)
         held = np.zeros((len(times), len(self._rows.rows)))
         self.joined.add(self._stretch.block(steps, held), self._phase, first=1)
-        self._t, self._q, self._v = part.t1 if zero is None else zero, steps.q[-1], steps.v[-1]
-        self._seen = Seen.of(self._v, steps.a[-1], self._seen)
+        self._arrive(steps)
+        self._t = part.t1 if zero is None else zero
         if zero is not None:
             self._stop_at_event()
             return False

@@ -38,35 +38,25 @@ class Kind(IntEnum):
 
 @dataclass(frozen=True)
 class Row:
-    """One row: its kind, its numbers, and the column of the record that its force counts in."""
+    """One row: its kind, its numbers, and the column of the record that its force counts in.
+
+    `at`, `side`, `restitution`, `stiffness` and `damping` are those of stops, `start`, `end` and `when` those
+    of locks; `bound` is the largest force of dry friction but for its share of a reaction, the `coefficient`.
+    """
 
     kind: Kind
     part: Part
     column: str
     at: float = 0.0
     side: float = 1.0
+    restitution: float = 0.0
+    stiffness: float = 0.0
+    damping: float = 0.0
     start: float = -np.inf
     end: float = np.inf
-
-    @property
-    def restitution(self) -> float:
-        """Newton's, of a stop."""
-        return self.part.restitution if isinstance(self.part, Stop) else 0.0
-
-    @property
-    def when(self) -> Callable[..., Any] | None:
-        """What closes a lock."""
-        return self.part.when if isinstance(self.part, Lock) else None
-
-    @property
-    def bound(self) -> float:
-        """Largest force of dry friction, but for its share of a reaction."""
-        return self.part.bound if isinstance(self.part, JointFriction) else np.inf
-
-    @property
-    def coefficient(self) -> float:
-        """Share of the reaction that counts as dry friction."""
-        return (self.part.coefficient or 0.0) if isinstance(self.part, JointFriction) else 0.0
+    when: Callable[..., Any] | None = None
+    bound: float = np.inf
+    coefficient: float = 0.0
 
     @property
     def rubs(self) -> bool:
@@ -105,24 +95,19 @@ class Rows:
 
     def __init__(self, mechanism: Mechanism, parts: Sequence[Part]) -> None:
         self.mechanism = mechanism
-        names = columns_of(parts)
-        self.rows: list[Row] = []
-        for part, name in zip(parts, names, strict=True):
-            self.rows += _rows_of(part, name)
+        named = zip(parts, columns_of(parts), strict=True)
+        self.rows = [row for part, column in named for row in _rows_of(part, column)]
         n = len(self.rows)
         self._of = {kind: [i for i, row in enumerate(self.rows) if row.kind is kind] for kind in Kind}
         self.places: list[tuple[tuple[int, ...], tuple[int, ...], tuple[float, ...]]] = []
         self.E, self._in_q = np.zeros((n, mechanism.nv)), np.zeros((n, mechanism.nq))
         for i, row in enumerate(self.rows):
-            in_q, in_v = [], []
-            label = f"{type(row.part).__name__} {row.part.joint!r}"
-            for joint_name, weight in zip(row.part.joints, row.part.weights, strict=True):
-                joint = single_joint(mechanism.joints, joint_name, label, "choose another")
-                self.E[i, joint.idx_v] += weight
-                self._in_q[i, joint.idx_q] += weight
-                in_q.append(joint.idx_q)
-                in_v.append(joint.idx_v)
-            self.places.append((tuple(in_q), tuple(in_v), row.part.weights))
+            label, weights = f"{type(row.part).__name__} {row.part.joint!r}", row.part.weights
+            joints = [single_joint(mechanism.joints, x, label, "choose another") for x in row.part.joints]
+            in_q, in_v = tuple(x.idx_q for x in joints), tuple(x.idx_v for x in joints)
+            self.E[i, in_v] += weights
+            self._in_q[i, in_q] += weights
+            self.places.append((in_q, in_v, weights))
         self.at = np.array([row.at for row in self.rows])
         self.side = np.array([row.side for row in self.rows])
         self.bounds = np.array([row.bound for row in self.rows])
@@ -195,23 +180,23 @@ class Rows:
 def _rows_of(part: Part, column: str) -> list[Row]:
     if isinstance(part, Stop):
         kind = Kind.STOP if part.stiffness is None else Kind.SPRING
+        numbers = part.restitution, part.stiffness or 0.0, part.damping
         limits = ((part.lower, 1.0), (part.upper, -1.0))
-        return [Row(kind, part, column, float(at), side) for at, side in limits if at is not None]
+        return [Row(kind, part, column, float(at), side, *numbers) for at, side in limits if at is not None]
     if isinstance(part, Lock):
         end = np.inf if part.end is None else float(part.end)
-        return [Row(Kind.LOCK, part, column, start=float(part.start), end=end)]
-    return [Row(Kind.FRICTION, part, column)]
+        return [Row(Kind.LOCK, part, column, start=float(part.start), end=end, when=part.when)]
+    return [Row(Kind.FRICTION, part, column, bound=part.bound, coefficient=part.coefficient or 0.0)]
 
 
 def columns_of(parts: Sequence[Part]) -> list[str]:
     """The column of each part: its kind and joint, with the others of its row where that is not enough."""
-    words = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
+    kinds = {Stop: "stop", JointFriction: "friction", Lock: "lock"}
+    words = [next(word for kind, word in kinds.items() if isinstance(part, kind)) for part in parts]
     named: dict[tuple[str, str], set[tuple[object, ...]]] = {}
-    for part in parts:
-        named.setdefault((words[type(part)], part.joint), set()).add((part.joints, part.weights))
-    found = []
-    for part in parts:
-        word = words[type(part)]
-        several = len(named[word, part.joint]) > 1
-        found.append(f"{word}.{'-'.join(part.joints) if several else part.joint}")
-    return found
+    for word, part in zip(words, parts, strict=True):
+        named.setdefault((word, part.joint), set()).add((part.joints, part.weights))
+    return [
+        f"{word}.{'-'.join(part.joints) if len(named[word, part.joint]) > 1 else part.joint}"
+        for word, part in zip(words, parts, strict=True)
+    ]

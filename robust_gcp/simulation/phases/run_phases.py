@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import OptionError, SimulationError
-from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.parts import Part
+from ..runs.schedule import ALL
 from ..runs.too_long_steps import Coarse
 from .course import Phases
 from .grid import Chosen, Grid
-from .machine import Machines
-from .rows import Rows
 
 if TYPE_CHECKING:
     from ..runs.course import Course, Progress
@@ -40,32 +38,21 @@ def run_phases(
     ------
     OptionError, ModelError, StateError, SimulationError
     """
-    begun, mechanism, schedule = time.perf_counter(), course.mechanism, course.schedule
-    rows = Rows(mechanism, parts)
-    q0, v0, mode = start
-    require_freedom(mechanism)
-    state = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
-    machines = Machines(rows, course, torque, kernel, required, mode)
-    t0 = float(schedule.times[0])
-    chosen = Chosen(t0, course.step, None if schedule.plain else schedule.outputs)
-    grid = Grid(t0, course.step, schedule.times)
-    phases = Phases(machines, grid, chosen, state, course.events, report if callable(report) else None)
-
-    def joined() -> Trajectory:
-        run = phases.trajectory()
-        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, course.acted
-        return run
-
+    begun, schedule = time.perf_counter(), course.schedule
+    grid = Grid(float(schedule.times[0]), course.step, schedule.times)
+    chosen = Chosen(grid, None if schedule.plain else schedule.outputs, ALL)
+    told = report if callable(report) else None
+    phases = Phases(course, parts, start, torque, kernel, required, chosen, told)
     try:
         _go(phases, grid, torque)
-        run = joined()
+        run = phases.trajectory(begun)
     except SimulationError as error:
-        error.trajectory = joined()
+        error.trajectory = phases.trajectory(begun)
         raise
     finally:
-        machines.release()
+        phases.passed.machines.release()
     run.passed = phases.passed
-    Coarse(mechanism, course.step).judge(run)
+    Coarse(course.mechanism, course.step).judge(run)
     return run
 
 

@@ -20,7 +20,6 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from .bearings import MOST, REMEDY, FrictionBounds, undetermined
 from .decision import Phase
-from .rows import Rows
 
 
 class Sliding:
@@ -31,7 +30,6 @@ class Sliding:
     bounds : FrictionBounds
     mechanism : Mechanism
         Of the phase, with what it holds.
-    rows : Rows
     phase : Phase
     acting : callable (t, q, v, F) -> (nv,)
         All that acts besides gravity and what is held, under bounds F.
@@ -43,16 +41,11 @@ class Sliding:
     """
 
     def __init__(
-        self,
-        bounds: FrictionBounds,
-        mechanism: Mechanism,
-        rows: Rows,
-        phase: Phase,
-        acting: Callable[..., Array],
+        self, bounds: FrictionBounds, mechanism: Mechanism, phase: Phase, acting: Callable[..., Array]
     ) -> None:
-        self._bounds, self._mechanism, self._names = bounds, mechanism, rows.names
-        self._least = rows.bounds[bounds.sliding(phase)]
-        self._rows, self._acting = bounds.sliding(phase), acting
+        self._bounds, self._mechanism, self._acting = bounds, mechanism, acting
+        self._rows, rows = bounds.sliding(phase), bounds.rows
+        self._least = rows.bounds[self._rows]
         self._against = np.array([-phase.slip[i] * rows.E[i] for i in self._rows])
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
@@ -72,7 +65,7 @@ class Sliding:
         found = None if growth >= 1.0 else friction(self._least, share, n0, by)
         if found is None:
             raise SimulationError(
-                f"JointFriction {', '.join(self._names(rows))}: at t = {t:.6g} s the friction grows by "
+                f"JointFriction {', '.join(bounds.rows.names(rows))}: at t = {t:.6g} s the friction grows by "
                 f"{growth:.3g} of itself through the reaction that it causes: there may be no motion, "
                 f"or several (Painlevé's paradox); {REMEDY}",
                 None, growth=float(growth),
@@ -119,8 +112,7 @@ def moved(mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tup
         At singular configurations.
     """
     tree, k = mechanism.tree, len(tau)
-    upper = np.triu(tree.crba(q))
-    M = upper + np.triu(upper, 1).T
+    M = tree.crba(q)
     if not mechanism.nc:
         a = np.linalg.solve(M, (tau - tree.rnea(q, v, tree.zero)).T).T
         return a, np.zeros((k, 0))

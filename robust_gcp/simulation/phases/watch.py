@@ -21,7 +21,7 @@ from ..runs.crossings import quintic
 from .admissible import UNMOVED, Seen, admissible
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
-from .decision import Phase, resting
+from .decision import Phase
 from .phase_run import Steps
 from .polynomial_zeros import falling_root
 from .quadratic_programs import Load
@@ -108,13 +108,7 @@ class Signals:
         return Guard(found) if found else None
 
     def first(
-        self,
-        t: Array,
-        q: Array,
-        v: Array,
-        a: Array,
-        none: Collection[tuple[int, int]] = (),
-        since: int = 0,
+        self, t: Array, q: Array, v: Array, a: Array, none: Collection[tuple[int, int]], since: int
     ) -> Found | None:
         """The first event on the steps between these times, but for steps and rows in which there is none.
 
@@ -166,17 +160,17 @@ class Holding:
 
     Parameters
     ----------
-    rows : Rows
-    phase : Phase
     bounds : FrictionBounds
+    phase : Phase
     """
 
-    def __init__(self, rows: Rows, phase: Phase, bounds: FrictionBounds) -> None:
-        self._rows, self._held, self._rank, self._bounds = rows, phase.held, len(phase.basis), bounds
+    def __init__(self, bounds: FrictionBounds, phase: Phase) -> None:
+        rows = self._rows = bounds.rows
+        self._held, self._rank, self._bounds = phase.held, len(phase.basis), bounds
         self._E = rows.side[self._held][:, None] * rows.E[self._held]
         kinds = [rows.rows[i].kind for i in self._held]
         self._pushes = np.array([kind is Kind.STOP for kind in kinds], dtype=bool)
-        self.limited = bool(resting(rows, phase))
+        self.limited = any(kind is not Kind.LOCK for kind in kinds)
 
     def __bool__(self) -> bool:
         """Whether anything is held."""
@@ -207,9 +201,11 @@ class Holding:
         limits = np.where(dry, 1.0 - np.abs(f) / bounds, limits)
         return forces, limits.min(axis=1, initial=np.inf)
 
-    def _load(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen) -> tuple[Load, Array]:
+    def _load(
+        self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None
+    ) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
-        N, _ = admissible(mechanism, q, v, seen)
+        N, _ = admissible(mechanism, q, v, Seen.of(v, a) if seen is None else seen)
         A = self._E @ N
         A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
         need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)
@@ -230,21 +226,15 @@ class Holding:
 
     def margin(self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None) -> float:
         """By how much what is held is held; negative where it breaks."""
-        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, seen)
         return load.margin(need)
 
     def forces(
         self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None = None
     ) -> tuple[Array, float]:
         """f (n,) of all rows, and the sign of the margin."""
-        load, need = self._load(t, q, v, a, tau, Seen.of(v, a) if seen is None else seen)
+        load, need = self._load(t, q, v, a, tau, seen)
         f, margin = load.forces(need)
         all_rows = np.zeros(len(self._rows.rows))
         all_rows[self._held] = self._rows.side[self._held] * f
         return all_rows, margin
-
-
-def first_break(margins: Array) -> int | None:
-    """The step at whose end the margin is negative first, of those at the ends of all steps."""
-    broken = np.flatnonzero(margins < 0.0)
-    return int(broken[0]) if len(broken) else None

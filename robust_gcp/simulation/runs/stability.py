@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque, TorqueFunction
-from ...dynamics.linearise import Linearisation, limiting_eigenvalue, linearise_motion, slopes_at, stable_step
+from ...dynamics.linearise import Linearisation, limiting_eigenvalue, slopes_at, stable_step
 from ...dynamics.prescribed.control import is_asked
 from ...dynamics.problem import Problem
 from ...dynamics.reduced_inertia import ReducedInertia
@@ -170,7 +170,7 @@ class StabilityCheck:
             motion = self._beside(motion.start, self.torque)
         if motion.mechanism.m > MANY:
             return limiting_eigenvalue(motion, self._step, rate=rates)
-        A = slopes_at(motion, 0.0, False) if rates is None else rates.slopes()
+        A = slopes_at(motion, 0.0, central=False) if rates is None else rates.slopes()
         if A is None:
             return None
         # no eigenvalue is larger than the rows' sums; of A in y and h ẏ, times h
@@ -192,7 +192,7 @@ class StabilityCheck:
 
         if m > MANY:
             return limiting_eigenvalue(motion, self._step, push)
-        A = linearise_motion(motion, 0.0, central=False).A.copy()
+        A = slopes_at(motion, 0.0, central=False)
         A[m:] += np.array([push(change) for change in np.eye(2 * m)]).T
         return Linearisation.of(A).limiting
 
