@@ -111,8 +111,7 @@ def _terms(mechanism: Mechanism, q: Array, G: Array) -> Iterator[tuple[float, fl
     """M = Gᵀ M G, D, and Q = Gᵀ (τ − C) at rest: forces of dampers grow with the velocity."""
     zero, tree, forces = np.zeros(mechanism.nv), mechanism.tree, mechanism.applied
     for here, way in zip(q, G, strict=True):
-        full = np.triu(tree.crba(here))
-        inertia = full + np.triu(full, 1).T
+        inertia = tree.crba(here)
         at_rest = zero if forces is None else forces.tau(here, zero)
         moving = zero if forces is None else forces.tau(here, way)
         pull = float(way @ (at_rest - tree.rnea(here, zero, zero)))

@@ -156,7 +156,7 @@ class Tree(threading.local):
         return tau
 
     def crba(self, q: Array) -> Array:
-        """Joint-space inertia M(q), (nv, nv), kg, kg m or kg m²; a view that the next call overwrites."""
+        """Joint-space inertia M(q), (nv, nv), kg, kg m or kg m²."""
         M: Array = pin.crba(self.model, self.data, q)
         return M
 

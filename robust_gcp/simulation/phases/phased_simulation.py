@@ -62,6 +62,7 @@ class PhasedRun(Phases):
         self._first = None
         self._at += n
         self.advance(self._grid.number(self._at))
+        self.passed.turns.clear()  # nobody takes the steps of a simulation again
 
     def room_for(self, n: int, clock: Callable[[int, int], Array]) -> None:
         """There always is."""
