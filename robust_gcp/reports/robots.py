@@ -123,7 +123,7 @@ def robots_in(folder: Path) -> Iterator[Path]:
     model = (folder / "robot.yaml").is_file()
     if model:
         yield folder
-    for path in sorted(folder.iterdir()):
+    for path in sorted(folder.glob("*")):
         if path.is_dir():
             yield from robots_in(path)
         elif path.suffix in READERS and not (model and path.suffix in (".urdf", ".xml")):
