@@ -258,7 +258,8 @@ class Continuation:
             ahead = touching.beyond(chosen, star, self.scale * t, PASSING)
             return ahead, self.tangent(ahead, t)
         if len(curve.q) == 1:
-            curve.corank = self.rank - rank_along(self.mechanism, star, (self.scale * t)[:, None])
+            beside = rank_along(self.mechanism, star, (self.scale * t)[:, None])
+            curve.corank = self.rank - beside if beside else 0
         for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):
             ahead = self.moved(star, distance * t, curve.corank)
             if self.mechanism.closure_residual(ahead) > CLOSED:

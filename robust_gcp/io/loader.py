@@ -257,8 +257,8 @@ def _mechanism(
         wanted = motors if isinstance(motors, list) else () if motors == "auto" else contents.wanted()
         if given is None and guess is None:
             # a pose that nobody chose may be singular, where no motion starts by itself
-            to_serve = wanted if asked.independent in (None, "auto") else asked.independent
-            home = regular_near(loops, home, NEARLY_SINGULAR, to_serve or ())
+            to_serve = asked.independent if isinstance(asked.independent, (list, tuple)) else wanted
+            home = regular_near(loops, home, NEARLY_SINGULAR, to_serve)
         choice = asked.independent, wanted, given is not None
         mechanism = with_coordinates(contents, loops, home, name, *choice)
     except RobustGcpError as error:

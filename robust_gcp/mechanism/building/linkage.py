@@ -231,7 +231,8 @@ class Linkage:
         q = assembled_within(loops, q, free, self.name, FEW_STARTS if home else MANY_STARTS)
         grounded = [j.name for j in joints if WORLD in (j.parent, j.child) and j.name in loops.joint_names]
         if not home:
-            q = regular_near(loops, q, NEARLY_SINGULAR, grounded if independent is None else independent)
+            own = independent if isinstance(independent, (list, tuple)) else grounded
+            q = regular_near(loops, q, NEARLY_SINGULAR, own)
         if independent is None:
             independent, _ = completed(loops, regular_near(loops, q), grounded, self.name)
         return Mechanism.from_pinocchio(model, contents.closures, independent, q, self.name, forces)

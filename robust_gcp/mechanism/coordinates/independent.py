@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -119,7 +120,7 @@ def _serving(loops: ClosedLoops, T: Array, wanted: Sequence[str]) -> tuple[list[
     return kept, rows
 
 
-def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: Sequence[str] = ()) -> Array:
+def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: Sequence[Any] = ()) -> Array:
     """Home, or where K loses rank there a closed configuration beside it where it does not.
 
     Such a pose is singular, or an isolated point, beside which nothing is found.
@@ -136,7 +137,8 @@ def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: S
     if loops.nc == 0:
         return home
     names = set(loops.joint_names)
-    wanted = [one for one in wanted if one in names or one.rpartition(".")[0] in names]
+    given = [one for one in wanted if isinstance(one, str)]
+    wanted = [one for one in given if one in names or one.rpartition(".")[0] in names]
     rng, here = np.random.default_rng(1), motions(loops, home)
     at_home = _quality(loops, home, wanted)
     found, best = home, at_home if at_home[-1] < nearly else (at_home[0], np.inf)
