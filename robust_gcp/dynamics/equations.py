@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeGuard
 
 import numpy as np
 import scipy
@@ -160,6 +160,11 @@ def called_torque(mechanism: Mechanism, torque: Any) -> TorqueFunction | None:
     return torque if isinstance(torque, TorqueFunction) else TorqueFunction(torque, mechanism.nv)
 
 
+def is_asked(torque: Torque | ArrayLike | None) -> TypeGuard[Torque]:
+    """Whether a function of the user's has to be asked for a torque that is not held."""
+    return torque.asks if isinstance(torque, TorqueFunction) else callable(torque)
+
+
 class TorqueFunction:
     """A torque function of the user's, handed copies of the state and asked for (nv,) finite real numbers.
 
@@ -167,7 +172,14 @@ class TorqueFunction:
     ----------
     supplied : callable (t, q, v) -> (nv,)
     nv : int
+
+    Attributes
+    ----------
+    asks : bool
+        Whether a function of the user's has to be asked for it.
     """
+
+    asks = True
 
     def __init__(self, supplied: Torque, nv: int) -> None:
         self._supplied, self._nv = supplied, nv

@@ -200,13 +200,17 @@ def _installed(name: str) -> Path:
     folders = tuple(package.__path__)
     if (name, folders) in _FOUND:
         return _FOUND[name, folders]
-    own, report = (
-        next((path for f in folders if (path := Path(f) / n).exists()), None) for n in (name, REPORT)
-    )
-    found = own or (_of_another(tuple(sys.path)) if name == NAME and report is None else None)
-    if own is not None:
-        _FOUND[name, folders] = own
+    found = _first(name, folders)
+    if found is not None:
+        _FOUND[name, folders] = found
+    elif name == NAME and _first(REPORT, folders) is None:
+        found = _of_another(tuple(sys.path))
     return found or Path(__file__).parent / name
+
+
+def _first(name: str, folders: tuple[str, ...]) -> Path | None:
+    """The first such file in these folders."""
+    return next((path for folder in folders if (path := Path(folder) / name).exists()), None)
 
 
 _FOUND: dict[tuple[str, tuple[str, ...]], Path] = {}

@@ -176,8 +176,7 @@ def simulate(
     drives = None
     if drive is not None or mechanism.moved:
         mechanism, drives = prescribed(mechanism, drive, q0, schedule.times)
-    if v0 is None and q0 is None and mode is None and drives is None:
-        v0 = mechanism.recommended.v0
+    v0 = mechanism.recommended.velocity(q0, mode) if v0 is None and drives is None else v0
     check_choice("method", method, METHODS)
     on_toggle = checked_toggle(on_toggle, method, drives is not None)
     check_choice("newton_start", newton_start, ("tangent", "previous"))

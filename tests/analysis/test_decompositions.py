@@ -12,7 +12,7 @@ import pytest
 import robust_gcp as rg
 from robust_gcp.examples import linkages, meetings, six_bars
 
-from ..decompositions import turn_decompositions
+from ..decompositions import Array, turn_decompositions
 
 FLAT = {
     "rhombus": lambda: linkages.four_bar(1.0, 1.0, 1.0, 1.0, y=0.0),
@@ -46,27 +46,33 @@ def curves_of(make: Callable[[], rg.Mechanism]) -> tuple[Any, ...]:
 
 
 @functools.cache
-def usual(kind: str, name: str) -> tuple[Any, ...]:
-    return modes_of(FLAT[name]) if kind == "modes" else curves_of(TRACED[name])
+def usual(told: Callable[..., tuple[Any, ...]], make: Callable[[], rg.Mechanism]) -> tuple[Any, ...]:
+    return told(make)
+
+
+def told_again(
+    told: Callable[..., tuple[Any, ...]],
+    make: Callable[[], rg.Mechanism],
+    seed: int,
+    patch: pytest.MonkeyPatch,
+) -> list[Array]:
+    """The same words and numbers from decompositions that are turned; the numbers."""
+    words, arrays = usual(told, make)
+    turn_decompositions(patch, seed)
+    words_again, arrays_again = told(make)
+    assert words_again == words
+    for one, other in zip(arrays_again, arrays, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    return list(arrays)
 
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("name", FLAT)
 def test_modes_keep_their_numbers(name: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    told, spans = usual("modes", name)
-    turn_decompositions(monkeypatch, seed)
-    told_again, spans_again = modes_of(FLAT[name])
-    assert told_again == told
-    assert len(spans) > 1
-    for one, other in zip(spans_again, spans, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
+    assert len(told_again(modes_of, FLAT[name], seed, monkeypatch)) > 1
 
 
 @pytest.mark.parametrize("seed", range(2))
 @pytest.mark.parametrize("name", TRACED)
 def test_traced_modes_are_the_same(name: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    visits, points = usual("curves", name)
-    turn_decompositions(monkeypatch, seed)
-    visits_again, points_again = curves_of(TRACED[name])
-    assert visits_again == visits
-    np.testing.assert_allclose(points_again, points, rtol=0, atol=1e-9)
+    told_again(curves_of, TRACED[name], seed, monkeypatch)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Any, TypeGuard
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -177,11 +177,6 @@ class _Asked:
         label, value = f"ctrl[{self._actuator.name!r}](t, q, v)", self._supplied(t, q.copy(), v.copy())
         number = float(returned(value, (), label, t=t))
         return clipped(number, self._actuator.ctrl_range)
-
-
-def is_asked(torque: Torque | ArrayLike | None) -> TypeGuard[Torque]:
-    """Whether a function of the user's has to be asked for a torque that is not held."""
-    return torque.asks if isinstance(torque, Actuated) else callable(torque)
 
 
 def with_control(

@@ -36,6 +36,8 @@ class HeldTorque(TorqueFunction):
         Numbers of u at one time where it changes, else 0.
     """
 
+    asks = False
+
     def __init__(self, mechanism: Mechanism, value: Array | None = None) -> None:
         super().__init__(lambda t, q, v: self(t, q, v), mechanism.nv)
         self._mechanism = mechanism

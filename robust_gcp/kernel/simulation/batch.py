@@ -209,10 +209,6 @@ class Batch:
     failure: BaseException | None
     rounding: tuple[float, float]
 
-    def add_to(self, counters: Any) -> None:
-        """Count what the completed steps took."""
-        count_in(counters, self.counts)
-
 
 def count_in(counters: Any, counts: dict[str, int]) -> None:
     """Add what was computed to counters."""

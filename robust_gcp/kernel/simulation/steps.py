@@ -8,10 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...dynamics.equations import Evaluation, Torque, does_work, torque_function
-from ...dynamics.prescribed.control import is_asked
+from ...dynamics.equations import Evaluation, Torque, does_work, is_asked, torque_function
 from ...dynamics.prescribed.drive import Drive
-from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
 from ...errors import OptionError, PerformanceWarning
@@ -74,6 +72,11 @@ class NativeSteps:
         Whether a mechanism that the kernel cannot take is an error.
     drive, tableau, guard : Drive, Tableau, Guard, optional
         See `Workspace`.
+
+    Attributes
+    ----------
+    asks : bool
+        Whether a function of the user's is asked for the torque.
     """
 
     def __init__(
@@ -86,6 +89,7 @@ class NativeSteps:
         guard: Guard | None = None,
     ) -> None:
         self._library, self._torque, self._required = library, torque, required
+        self.asks = is_asked(torque)
         self._taken = drive, tableau, guard
         self._drive = drive
         self._path: RegularPath | None = None
@@ -121,12 +125,6 @@ class NativeSteps:
                         PerformanceWarning,
                     )
         return self._workspace
-
-    @property
-    def asks(self) -> bool:
-        """Whether a function of the user's is asked for the torque."""
-        torque = self._torque
-        return callable(torque) and is_asked(torque) and not isinstance(torque, HeldTorque)
 
     def release(self) -> None:
         """Give the kernel's memory back, whoever still holds these steps, such as an error's traceback."""

@@ -19,7 +19,7 @@ from ...dynamics.problem import initial_value_problem
 from ...errors import OptionError, RobustGcpError
 from ...kernel.library import Library
 from ...kernel.loop_arrays import NotNativeError
-from ...kernel.simulation.batch import Outputs
+from ...kernel.simulation.batch import Outputs, count_in
 from ...kernel.simulation.steps import chosen_library
 from ...kernel.simulation.workspace import Workspace
 from ...kernel.structures import Reason
@@ -246,7 +246,7 @@ class _Plain(threading.local):
                 return None
             crossings += batch.crossings
             x, now = batch.x, batch.now
-            batch.add_to(stats)
+            count_in(stats, batch.counts)
         if self._redundant and not self._all_closed(outputs.q):
             return None
         run = Trajectory(

@@ -215,6 +215,8 @@ class Course:
         coarse = Coarse(self.mechanism, self.step)  # what a linearisation at the start cannot tell
         if finished is not None and again is not None:
             fault = coarse.fault(finished)
+            if fault is None:
+                return finished
         if fault is not None and again is not None:
             return taken_again(again, self.schedule, self.step, fault)
         assert finished is not None  # what cannot be mended was raised

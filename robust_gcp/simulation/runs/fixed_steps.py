@@ -8,7 +8,7 @@ from typing import Any
 from ...dynamics.equations import Evaluation
 from ...dynamics.problem import Problem
 from ...errors import BranchError, NonFiniteError, ToggleError
-from ...kernel.simulation.batch import Batch, Outputs
+from ...kernel.simulation.batch import Batch, Outputs, count_in
 from ...kernel.simulation.guard import Guard, Watch
 from ...kernel.simulation.steps import NativeSteps
 from ...kernel.structures import Reason
@@ -206,7 +206,7 @@ class FixedRun(RefinedRun):
 
     def _take_over(self, i: int, batch: Batch) -> None:
         """Go on from where steps of the kernel's after time i ended; their outputs are recorded."""
-        batch.add_to(self._counters)
+        count_in(self._counters, batch.counts)
         self._recovery.best = batch.best
         if self._recovery.error_controlled and batch.steps:
             self._count_refined(i, batch.steps)

@@ -10,9 +10,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.equations import Torque, TorqueFunction
+from ...dynamics.equations import Torque, TorqueFunction, is_asked
 from ...dynamics.linearise import Linearisation, limiting_eigenvalue, slopes_at, stable_step
-from ...dynamics.prescribed.control import is_asked
 from ...dynamics.problem import Problem
 from ...dynamics.reduced_inertia import ReducedInertia
 from ...errors import RobustGcpError
@@ -87,9 +86,7 @@ class StabilityCheck:
         self, mechanism: Mechanism, torque: Torque | ArrayLike | None, step: float, options: BridgeOptions
     ) -> None:
         self._step, self._options = step, options
-        self._listener: _Listener | None = None
-        if callable(torque) and is_asked(torque):
-            self._listener = _Listener(torque, mechanism.nv)
+        self._listener = _Listener(torque, mechanism.nv) if is_asked(torque) else None
         self.torque = self._listener or torque
 
     def before(self, motion: Problem, native: NativeSteps | None = None) -> None:
@@ -100,17 +97,13 @@ class StabilityCheck:
         native : NativeSteps, optional
             The run's, by which ẋ may be asked without harm to it.
         """
-        value = None if self._listener else self._too_fast(motion, partial(self._limiting, native))
-        if value is not None:
-            self._warn(value)
+        if self._listener is None:
+            self._warn(self._too_fast(motion, partial(self._limiting, native)))
 
     def after(self, motion: Problem) -> None:
         """Warn after it where one had to."""
-        if self._listener is None or not self._listener.heard:
-            return
-        value = self._too_fast(motion, self._limiting_with_torque)
-        if value is not None:
-            self._warn(value)
+        if self._listener is not None and self._listener.heard:
+            self._warn(self._too_fast(motion, self._limiting_with_torque))
 
     def parts(self, motion: Problem, native: NativeSteps | None = None) -> int:
         """Into how many parts a step that nobody named is cut before a run, 1 where it is stable; it is told.
@@ -144,12 +137,13 @@ class StabilityCheck:
             return None
         return None if value is None or self._step <= stable_step(value) else value
 
-    def _warn(self, value: complex) -> None:
-        warn(
-            f"step = {self._step:g} s {self._outside(value)}; take a smaller step, or an implicit "
-            'stepper such as stepper="Radau"',
-            StabilityWarning,
-        )
+    def _warn(self, value: complex | None) -> None:
+        if value is not None:
+            warn(
+                f"step = {self._step:g} s {self._outside(value)}; take a smaller step, or an implicit "
+                'stepper such as stepper="Radau"',
+                StabilityWarning,
+            )
 
     def _outside(self, value: complex) -> str:
         real = value.real if abs(value.real) > ROUNDING * abs(value) else 0.0
