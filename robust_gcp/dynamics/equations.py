@@ -24,10 +24,8 @@ from .reduced_inertia import ReducedInertia
 Torque = Callable[[float, Array, Array], ArrayLike]
 CheckedTorque = Callable[[float, Array, Array], Array]
 
-
 UNBALANCED = 1e-6
 """Share of the joint forces that constraint forces may leave: more than rounding beside a singularity."""
-
 
 UNBALANCED_WORDS = (
     "multipliers: at a singular configuration no constraint forces balance the motion; NaN is recorded there"
@@ -207,17 +205,24 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
     with a warning, at a singular configuration whose reactions K cannot balance: they are limits from both
     sides, which need not agree, and no λ there has their value.
     """
-    residual = mechanism.tree.rnea(q, v, a).copy()
-    parts = [residual.copy(), mechanism.tree.rnea(q, v, mechanism.tree.zero).copy()]
-    if tau is not None:
-        residual -= tau
-        parts.append(tau)
-    split = Split(mechanism, q)
-    size = float(np.abs(mechanism.column_scale * np.array(parts)).max(initial=0.0))
-    if np.abs(split.free.T @ residual).max(initial=0.0) > UNBALANCED * size:
+    found = balancing_forces(mechanism, q, v, a, tau)
+    if found is None:
         warn(UNBALANCED_WORDS, SingularityWarning)
         return np.full(mechanism.nc, np.nan)
-    return split.multipliers(residual)
+    return found
+
+
+def balancing_forces(
+    mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, allowed: float = UNBALANCED
+) -> Array | None:
+    """The same λ; None where they leave more than this share of the joint forces."""
+    tree, split = mechanism.tree, Split(mechanism, q)
+    acting = tree.zero if tau is None else tau
+    parts = np.array([tree.rnea(q, v, a).copy(), tree.rnea(q, v, tree.zero), acting])
+    need = parts[0] - acting
+    size = float(np.abs(mechanism.column_scale * parts).max(initial=0.0))
+    left = np.abs(split.free.T @ need).max(initial=0.0)
+    return None if left > allowed * size else split.multipliers(need)
 
 
 class Split:

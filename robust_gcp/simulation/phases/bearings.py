@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...dynamics.equations import Split
+from ...dynamics.equations import balancing_forces
 from ...dynamics.loads import Wrench
 from ...errors import ModelError, OptionError, SimulationError
 from ...mechanism.constraint.closures import PointClosure, PrismaticClosure, RevoluteClosure
@@ -185,13 +185,10 @@ def constraint_forces(mechanism: Mechanism, t: float, q: Array, v: Array, a: Arr
     """
     if not mechanism.nc:
         return np.zeros(0)
-    tree, split = mechanism.tree, Split(mechanism, q)
-    need = tree.rnea(q, v, a) - tau
-    parts = np.array([need, tree.rnea(q, v, tree.zero), tau])
-    size = float(np.abs(mechanism.column_scale * parts).max()) + LEAST
-    if np.abs(split.free.T @ need).max(initial=0.0) > UNBALANCED * size:
+    found = balancing_forces(mechanism, q, v, a, tau, UNBALANCED)
+    if found is None:
         raise undetermined(t)
-    return split.multipliers(need)
+    return found
 
 
 def undetermined(t: float) -> SimulationError:
