@@ -191,7 +191,7 @@ def simulate(
     check_choice("backend", backend, BACKENDS)
     kernel = chosen_library(backend, method, newton_start)
     again = None
-    if unnamed and is_guarded(tableau, method, drives, applied, backend):
+    if unnamed and not hold and is_guarded(tableau, method, drives, applied, ctrl, backend):
         again = partial(
             simulate, mechanism, q0, v0, duration, step=step, torque=torque, wrenches=wrenches, ctrl=ctrl,
             events=events, t0=t0, outputs=outputs, record=record, mode=mode, rtol=rtol, atol=atol,

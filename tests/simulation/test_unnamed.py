@@ -127,6 +127,31 @@ def test_torque_functions_are_called_for_one_run_alone() -> None:
     assert np.diff(seen).min() >= -USUAL
 
 
+def driven(ctrl: Any, **more: Any) -> tuple[rg.Trajectory, float]:
+    """A crank under its control, too fast for the usual step; and how far the usual step itself takes it."""
+    plain = four_bar(4.0, 1.0, 3.5, 3.0, y=1.0)
+    motor = [rg.Actuator.motor("drive", "q1")]
+    crank = rg.Mechanism.from_pinocchio(plain.model, plain.closures, ["q1"], plain.home, actuators=motor)
+    given = dict(v0=crank.lift(crank.home, [400.0]), duration=0.02, ctrl={"drive": ctrl}, **more)
+    with pytest.warns(rg.CoarseStepWarning):
+        return rg.simulate(crank, **given), rg.simulate(crank, step=USUAL, **given).q[-1, 0]
+
+
+def test_functions_of_controls_are_called_for_one_run_alone() -> None:
+    """As those of torques are, and once a step where they are held, which no other stepper would know."""
+    seen: list[float] = []
+    for hold in (False, True):
+        seen.clear()
+        run, usual = driven(lambda t, q, v: seen.append(t) or 5.0, hold=hold)
+        assert (run.stats.stepper, run.q[-1, 0]) == ("rk4", usual)
+    assert len(seen) == 2 * 20
+
+
+def test_tables_that_are_held_stay_with_their_step() -> None:
+    run, usual = driven(([0.0, 0.02], [0.0, 5.0]), hold=True)
+    assert (run.stats.stepper, run.q[-1, 0]) == ("rk4", usual)
+
+
 def test_a_stepper_of_the_callers_says_what_it_was() -> None:
     linkage = four_bar(4.0, 1.0, 3.5, 3.0, y=1.0)
     midpoint = rg.Tableau(a=((0.5,),), b=(0.0, 1.0))

@@ -9,11 +9,12 @@ usual step.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque
+from ...dynamics.prescribed.control import Controls
 from ...dynamics.tableau import Tableau
 from ...errors import BranchError, ClosureError, NonFiniteError, SimulationError
 from ...warning import warn
@@ -32,15 +33,17 @@ TOO_LONG = (BranchError, NonFiniteError)
 
 
 def is_guarded(
-    stepper: str | Tableau, method: str, drive: object, torque: Torque | ArrayLike | None, backend: str
-) -> bool:
+    stepper: str | Tableau, method: str, drive: object, torque: Torque | ArrayLike | None,
+    ctrl: Controls | None, backend: str,
+) -> bool:  # fmt: skip
     """Whether a run without a named step may be cut into parts, and taken again where that fails.
 
-    Not where a torque function would be called for runs that come to nothing, where joints are driven, or
-    where the caller insists on a stepper, a method or the kernel.
+    Not where a function of torques or controls would be called for runs that come to nothing, where joints
+    are driven, or where the caller insists on a stepper, a method or the kernel.
     """
     usual = stepper == "rk4" and method == "bridge" and backend != "native"
-    return usual and drive is None and not callable(torque)
+    controls = ctrl.values() if isinstance(ctrl, Mapping) else ()
+    return usual and drive is None and not any(map(callable, (torque, *controls)))
 
 
 def words_of(stop: SimulationError | ClosureError) -> str | None:
