@@ -202,6 +202,8 @@ def test_bad_input_is_named() -> None:
         rg.linearise(mech, mech.home, t=float("nan"))
     with pytest.raises(rg.SingularStartError):
         rg.linearise(mech, [0.0, 0.0, 0.0])
+    with pytest.raises(rg.StateError, match=r"q has shape \(1, 3\)"):
+        rg.linearise(mech, [mech.home])
 
 
 # --------------------------------------------------------------------------- confirmed on runs

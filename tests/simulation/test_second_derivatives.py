@@ -80,6 +80,18 @@ def test_the_rhombus_is_a_pendulum() -> None:
         np.testing.assert_allclose(found[0, 1:], 0.0, atol=1e-8 * abs(down))
 
 
+def test_at_a_singular_configuration_it_is_of_the_mode_that_the_motion_is_on() -> None:
+    """Symmetric as elsewhere, and the mean of those on both sides of it, of the curved mode too."""
+    mech = rg.load("parallelogram")
+    for mode in rg.analyse(mech, np.zeros(3)).modes:
+        found = rg.second_derivatives(mech, np.zeros(3), 2.0 * mode, dy=[1.0])
+        sides = []
+        for y in (1e-3, -1e-3):
+            q = mech.assemble(y * mode / mode[0])
+            sides.append(rg.second_derivatives(mech, q, mech.lift(q, [2.0 * mode[0]]), dy=[1.0]))
+        np.testing.assert_allclose(found, sum(sides) / 2, rtol=0, atol=1e-4 * np.abs(found).max())
+
+
 def test_on_a_floating_base() -> None:
     """Along the velocities of the base: the slope of `derivatives` at states that are moved so."""
     mech = floating(pin.JointModelFreeFlyer())
@@ -100,6 +112,10 @@ def test_refused() -> None:
     mech = rg.load("rhombus")
     with pytest.raises(rg.RobustGcpError):
         rg.second_derivatives(mech, np.zeros(3), dy=[1.0])  # flat
+    with pytest.raises(rg.ClosureError, match=r"q\[1\].*open"):
+        rg.second_derivatives(mech, [mech.home, mech.home + [0.0, 0.1, 0.0]], dy=[1.0])
+    with pytest.raises(rg.StateError, match="breaks the loop"):
+        rg.second_derivatives(mech, mech.home, [1.0, 2.0, 3.0], dy=[1.0])
     with pytest.raises(rg.StateError, match="tau is held"):
         rg.second_derivatives(mech, mech.home, tau=lambda t, q, v: np.zeros(3))  # type: ignore[arg-type]
     with pytest.raises(rg.StateError, match="dy"):

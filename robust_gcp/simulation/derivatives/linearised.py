@@ -63,6 +63,7 @@ def linearise(
     """
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)
+    q = mechanism.configuration(q, "q")
     if drive is None and not mechanism.chart_joints:
         with suppress(SimulationError):  # which the reference may do by differences
             slopes = derivatives(mechanism, q, v, torque, mode, t, wrenches=wrenches)

@@ -83,7 +83,7 @@ def second_derivatives(
     tau_now = np.zeros((n, nv)) if states.tau is None else states.tau
     found: Array = np.zeros((n, m if h is None else 2 * m, 2 * m + nv))
     apart, left = np.full(n, np.inf), np.arange(n)
-    G = mechanism.G(states.q)
+    G = derivatives(mechanism, q, v, tau).G.reshape(n, nv, m)  # which refuses what is no state
     scale = LONGEST / np.maximum(_size(mechanism, states, G, along), 1e-300)
     for _ in range(HALVINGS):
         if not len(left):
