@@ -9,7 +9,7 @@ import numpy as np
 
 from ..checks import listed, shown
 from ..dynamics.problem import initial_value_problem
-from ..errors import ModelError, OptionError, PartitionError, SimulationError
+from ..errors import ModelError, OptionError, SimulationError
 from ..kernel.description import describe
 from ..kernel.loop_arrays import NotNativeError
 from ..kernel.path_arrays import drives_in_kernel
@@ -60,12 +60,12 @@ def identifier(text: str) -> str:
 def in_chart(mechanism: Mechanism, names: Sequence[str]) -> Mechanism:
     """The mechanism in other independent joints."""
     try:
-        found = mechanism.with_independent(list(names))
-    except PartitionError as error:
-        raise ModelError(f"charts: {shown(list(names))} cannot be independent: {error}") from error
+        found = mechanism.with_independent(names)
+    except ModelError as error:
+        raise ModelError(f"charts: {shown(names)} cannot be independent: {error}") from error
     if found.m != mechanism.m:
         told = f"{found.m} velocities, of {mechanism.m} that are independent"
-        raise ModelError(f"charts: {shown(list(names))} are {told}")
+        raise ModelError(f"charts: {shown(names)} are {told}")
     return found
 
 

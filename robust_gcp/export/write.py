@@ -28,6 +28,10 @@ def export(
     elif place.suffix in (".c", ".h"):
         from .tables import header_and_code
 
+        if charts:
+            raise OptionError(
+                f"charts = {shown(charts)} do not go with {place.suffix}: tables have one coordinate"
+            )
         for suffix, text in header_and_code(mechanism, place.stem).items():
             _written(place.with_suffix(suffix), text.encode())
         return place

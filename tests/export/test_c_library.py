@@ -308,6 +308,10 @@ class TestRefusals:
             self.MECH.export(tmp_path / "rhombus.txt")
         with pytest.raises(rg.ModelError, match="charts"):
             self.MECH.export(tmp_path / "rhombus.rgcp", charts=[["q1", "q2"]])
+        with pytest.raises(rg.ModelError, match=r"charts: 'q2' .* write \['q2'\]"):
+            self.MECH.export(tmp_path / "rhombus.rgcp", charts=["q2"])  # type: ignore[list-item]
+        with pytest.raises(rg.OptionError, match=r"charts = .* tables have one coordinate"):
+            self.MECH.export(tmp_path / "rhombus.c", charts=[["q2"]])
 
 
 COMPILER = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
