@@ -435,6 +435,11 @@ class TestRefused:
         run = rg.simulate(rg.load("crank_rocker"), step=1e-3, outputs=[0.0, 0.01, 0.02])
         with pytest.raises(rg.OptionError, match=r"outputs.* 0\.01 s apart, its steps 0\.001 s; make"):
             rg.gradient(run, COST)
+        end = rg.simulate(rg.load("crank_rocker"), step=1e-3, outputs=[0.02])
+        last = rg.Simulation(rg.load("crank_rocker"), keep="last").step(n=20).trajectory
+        for alone in (end, last):
+            with pytest.raises(rg.OptionError, match="holds 1 states, and so no step"):
+                rg.gradient(alone, COST)
 
     def test_names_and_tables(self) -> None:
         run = self.CASE.run()

@@ -529,7 +529,7 @@ def test_what_is_not_followed_is_refused() -> None:
     few = rg.simulate(mech, *start, joints=stop, outputs=[0.1, 0.5])
     latched = rg.simulate(mech, *start, joints=[rg.Lock("q", when=rg.Event(lambda t, q, v: q[0] - 0.8))])
     for run, kind, words in (
-        (held, rg.OptionError, "hold=True"), (few, rg.OptionError, "outputs="),
+        (held, rg.OptionError, "hold=True"), (few, rg.OptionError, "sensitivity: .* outputs="),
         (latched, rg.NotDifferentiableError, "Lock"),
     ):  # fmt: skip
         with pytest.raises(kind, match=words):

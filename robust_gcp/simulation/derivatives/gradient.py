@@ -58,7 +58,7 @@ def gradient(
     Parameters
     ----------
     trajectory : Trajectory or Runs
-        Of many runs a list comes back: one of each, None where a start did not begin.
+        Of many runs a list comes back: one of each, None where a start took no step.
     cost : Cost
     torque : callable (t, q, v) -> (nv,), array_like (nv,) or (N, nv), or mapping, optional
         What the run was made with; a table holds a row for each step. When left out, what the trajectory
@@ -84,7 +84,7 @@ def gradient(
     """
     if isinstance(trajectory, Runs):
         others = cost, torque, parameters, torque_slopes, mode
-        return [None if run is None else gradient(run, *others) for run in trajectory]
+        return [None if run is None or len(run.t) < 2 else gradient(run, *others) for run in trajectory]
     if not isinstance(trajectory, Trajectory):
         raise OptionError(f"gradient: {shown(trajectory)} is no Trajectory; give what simulate returns")
     if not isinstance(cost, Cost):
@@ -92,7 +92,7 @@ def gradient(
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
     if trajectory.acted is not None:
         torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
-    require_steps(trajectory, mode)
+    require_steps(trajectory, mode, "gradient")
     parts = in_parts(trajectory.mechanism, parameters)
     names = list(dict.fromkeys(name for part in parts for name in part))
     if trajectory.dissipated is not None:

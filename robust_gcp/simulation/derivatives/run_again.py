@@ -88,20 +88,25 @@ def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
     return Applied(None, checked_torques(mechanism, table, steps))
 
 
-def require_steps(run: Trajectory, mode: ArrayLike | None) -> None:
+def require_steps(run: Trajectory, mode: ArrayLike | None, call: str) -> None:
     """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
     if mode is not None:
         checked_mode(run.mechanism, mode)
     stats = run.stats
     if stats.stepper != "rk4":
         raise OptionError(
-            f"gradient: the run was made by stepper={stats.stepper!r}, and steps of RK4 alone are taken "
+            f"{call}: the run was made by stepper={stats.stepper!r}, and steps of RK4 alone are taken "
             'again; make it with stepper="rk4" and a step'
         )
-    longest = float(np.diff(run.t).max(initial=0.0))
+    if len(run.t) < 2:
+        raise OptionError(
+            f"{call}: the trajectory holds {len(run.t)} states, and so no step to take again; make it "
+            'without outputs=, and a Simulation with keep="all"'
+        )
+    longest = float(np.diff(run.t).max())
     if stats.step is not None and longest > stats.step * (1.0 + ALIKE):
         raise OptionError(
-            f"gradient: outputs of the run are up to {longest:.6g} s apart, its steps {stats.step:.6g} s; "
+            f"{call}: outputs of the run are up to {longest:.6g} s apart, its steps {stats.step:.6g} s; "
             f"make it with step={stats.step:.6g} and without outputs=, so that each step has one"
         )
 
