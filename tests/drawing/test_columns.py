@@ -119,7 +119,7 @@ def test_names_that_are_no_column_are_refused_with_what_there_is(driven: rg.Traj
         ("tau.q1", r'simulate with record=\("tau",\)'),
         ("lambda.x", r'simulate with record=\("multipliers",\)'),
         ("drive.q1", "no joint is driven"),
-        ("drive", "no joint that is drawn is driven"),
+        ("drive", r"no joint that is drawn is driven; simulate with drive=\{joint: Motion\}"),
     ):
         with pytest.raises(rg.OptionError, match=words):
             bare.plot(name)

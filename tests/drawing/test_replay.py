@@ -164,6 +164,12 @@ def test_a_notebook_shows_the_same_page(pair: list[rg.Trajectory], overlay: Path
     assert shown.startswith("<iframe") and "620px" in shown
 
 
+def test_many_starts_are_a_list_of_motions() -> None:
+    mech = rg.load("rhombus")
+    runs = rg.simulate_many(mech, [(mech.home, None)] * 2, 0.1)
+    assert rg.replay(runs).html == rg.replay(list(runs)).html
+
+
 def test_words_of_the_user_stay_words(pair: list[rg.Trajectory]) -> None:
     evil = "</script><img src=x onerror=alert(1)> @@DATA@@"
     page = rg.replay(pair, labels=[evil, "b"], title=evil).html
@@ -204,6 +210,7 @@ def test_without_the_extra_the_remedy_is_named(
         ({"labels": "ab"}, "give 2 names"),
         ({"trajectories": {}, "labels": ["one"]}, "names the motions already"),
         ({"speed": 0.0}, "must be positive"),
+        ({"height": "tall"}, "height = 'tall' must be a whole number"),
         ({"speed": 1e-6}, "give speed="),
         ({"view": (0, 0, 0)}, "not a direction"),
         ({"trails": ["tip"]}, "no frame 'tip'"),

@@ -98,7 +98,7 @@ def panels_of(runs: Runs, what: Asked, joints: Asked, over: str | None = None) -
         drawn = [[line for line in lines if _acts(first, line)] for lines in drawn]
     elif "drive" in quantities and not drawn[quantities.index("drive")]:
         raise OptionError(
-            'what = "drive": no joint that is drawn is driven; simulate with drive={joint: Trajectory}'
+            'what = "drive": no joint that is drawn is driven; simulate with drive={joint: Motion}'
         )
     columns = dict.fromkeys(word for word in words if word not in quantities)
     drawn.append([line for word in columns for line in lines_of_column(first, word)])

@@ -13,7 +13,7 @@ from typing import Any, Literal, overload
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import check_choice, check_positive, check_text, path_given, real_array, shown
+from ...checks import check_choice, check_positive, check_text, check_whole, path_given, real_array, shown
 from ...errors import MissingExtraError, OptionError, missing_extra
 from ...simulation.trajectories.trajectory import Trajectory
 from .data import run_data, scene_data
@@ -160,6 +160,7 @@ def replay(
     check_choice("layout", layout, LAYOUTS)
     if title is not None:
         check_text("title", title)
+    check_whole("height", height, 1)
     direction = _direction(view)
     times = [t for run in runs if len(run.t) for t in (float(run.t[0]), float(run.t[-1]))]
     start, end = min(times, default=0.0), max(times, default=0.0)
@@ -242,7 +243,7 @@ def _page(data: dict[str, Any], viewer: str) -> str:
 
 
 def _runs(trajectories: Any) -> list[Trajectory]:
-    runs = list(trajectories) if isinstance(trajectories, list | tuple) else [trajectories]
+    runs = list(trajectories) if isinstance(trajectories, Sequence) else [trajectories]
     if not all(isinstance(run, Trajectory) for run in runs) or not 1 <= len(runs) <= MOST_RUNS:
         kinds = ", ".join(type(run).__name__ for run in runs[:6])
         raise OptionError(

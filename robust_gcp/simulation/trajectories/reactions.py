@@ -275,8 +275,8 @@ def closure_number(mechanism: Mechanism, name: str | int) -> int:
         For none or several.
     """
     closures = mechanism.loops
-    if isinstance(name, int) and not isinstance(name, bool) and 0 <= name < len(closures):
-        return name
+    if isinstance(name, int | np.integer) and not isinstance(name, bool) and 0 <= name < len(closures):
+        return int(name)
     names = [{c.frame1, c.frame2, f"{c.frame1}-{c.frame2}", f"{c.frame1} – {c.frame2}"} for c in closures]
     found = [i for i, known in enumerate(names) if isinstance(name, str) and name in known]
     if len(found) == 1:
