@@ -42,6 +42,51 @@ def test_every_column_is_drawn_over_time_with_its_unit(driven: rg.Trajectory) ->
         np.testing.assert_array_equal(y, driven[name])
 
 
+def test_so_are_those_of_stops_friction_actuators_and_tendons() -> None:
+    plain = rg.load("slider_crank")
+    cord = rg.SpatialTendon(["ground", plain.closures[0].frame1])
+    belt = rg.FixedTendon({"q1": 0.02})
+    mech = rg.Mechanism.from_pinocchio(
+        plain.model,
+        plain.closures,
+        plain.independent,
+        plain.home,
+        tendons={"cord": cord, "belt": belt},
+        actuators=[
+            rg.Actuator.motor("motor", "q1"),
+            rg.Actuator.motor("winch", cord),
+            rg.Actuator("valve", "q3", dynamics="filter", time=(0.1,)),
+            rg.Actuator.motor("jet", rg.SiteForce(plain.closures[0].frame1, (0, 0, 0, 1, 0, 0))),
+        ],
+    )
+    parts = [
+        rg.Stop("q3", lower=2.6),
+        rg.JointFriction("q1", 2.0),
+        rg.Lock("q1", other="q2", ratio=2.0, start=0.2),
+        rg.Lock("q1", start=0.3),
+    ]
+    run = rg.simulate(mech, duration=0.1, step=5e-3, joints=parts, ctrl={"motor": 1.0})
+    labels = {
+        "stop.q3": "stop [N]",
+        "friction.q1": "friction [N m]",
+        "lock.q1-q2": "lock [N m]",
+        "lock.q1": "lock [N m]",
+        "dissipated": "dissipated [J]",
+        "actuator.motor": "actuator [N m]",
+        "actuator.winch": "actuator [N]",
+        "actuator.valve": "actuator [N]",
+        "activation.valve": "activation [1]",
+        "actuator.jet": "actuator [N m]",
+        "tendon.cord": "tendon [m]",
+        "tendon.belt": "tendon [m or rad]",
+    }
+    for name, label in labels.items():
+        (ax,) = run.plot(name).axes
+        assert ax.get_ylabel() == label
+    assert set(labels) <= set(run.columns())
+    assert run.plot("q3", x="tendon.cord").axes[0].get_xlabel() == "tendon.cord [m]"
+
+
 def test_several_columns_share_a_panel_where_they_share_quantity_and_unit(driven: rg.Trajectory) -> None:
     figure = driven.plot(["v.q3", "q1", "q2", "energy", "drive.q1"])
     assert [ax.get_ylabel() for ax in figure.axes] == [
@@ -134,11 +179,18 @@ def test_names_that_are_no_column_are_refused_with_what_there_is(driven: rg.Traj
         driven.plot("q1", x=3)  # type: ignore[arg-type]
 
 
-def test_known_names_are_those_that_can_be_drawn(driven: rg.Trajectory) -> None:
+def test_known_names_are_those_that_can_be_drawn(driven: rg.Trajectory, tmp_path: Path) -> None:
     names = known_names(driven.mechanism)
     assert set(names) >= {*driven.columns(), *driven.mechanism.joint_names}
     drawable = [name for name in names if not name.startswith(("drive.q2", "drive.q3"))]
     assert all(driven.plot(name).axes for name in drawable[::4])
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><option><flag contact="disable"/></option><worldbody><body>
+        <joint name="q" axis="0 1 0" range="-40 20"/><geom size="0.1" pos="1 0 0"/>
+        </body></worldbody><actuator><motor name="m" joint="q"/></actuator></mujoco>"""
+    )
+    arm = rg.load(tmp_path / "arm.xml", limits=True)
+    assert set(known_names(arm)) >= {"stop.q", "dissipated", "actuator.m"}
 
 
 def test_a_column_picture_is_written(driven: rg.Trajectory, tmp_path: Path) -> None:

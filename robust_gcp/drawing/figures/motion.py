@@ -114,7 +114,7 @@ def plot_motion(
                 ax.legend(
                     handles=handles, fontsize=6.5, loc="lower left", bbox_to_anchor=(0, 1), ncols=ABREAST
                 )
-        axes[-1].set_xlabel(f"{x or 't'} [{units(first.mechanism)[over.column][1]}]")
+        axes[-1].set_xlabel(f"{x or 't'} [{units(first.mechanism, first.part_names)[over.column][1]}]")
         own = -(-len(panels[0].lines) // ABREAST) if panels[0] in long else 0
         axes[0].set_title(first.mechanism.name, loc="left", pad=6.0 + OWN_LINE * own)
         rows = [ax for ax, panel in zip(axes, panels, strict=True) if panel not in long]

@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 from ...checks import hint, names_given, shown
 from ...errors import OptionError
+from ...mechanism.actuation.paths import FixedTendon, Path, TurningJoint
+from ...mechanism.actuation.site_paths import SiteForce
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.joints import Component, components_of
 from ...simulation.trajectories.access import SENSOR
@@ -54,9 +56,9 @@ Runs = Mapping[str, Trajectory]
 """By label; the first one decides what is drawn."""
 
 
-def units(mechanism: Mechanism) -> dict[str, tuple[str, str]]:
-    """Quantity and unit of each column that a trajectory may have."""
-    found = {"t": ("t", "s"), "energy": ("energy", "J"), "work": ("work", "J")}
+def units(mechanism: Mechanism, parts: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Quantity and unit of each column that a trajectory may have, with those of its stops and the like."""
+    found = {"t": ("t", "s")} | {name: (name, "J") for name in ("energy", "work", "dissipated")}
     for c in components_of(mechanism.joints):
         unit = c.unit or "1"
         if c.iq >= 0:
@@ -68,7 +70,30 @@ def units(mechanism: Mechanism) -> dict[str, tuple[str, str]]:
     lengths = mechanism.implicit.is_length
     for name, length in zip(row_names(mechanism), lengths, strict=True):
         found[f"lambda.{name}"] = (LAMBDA, "N" if length else "N m")
+    by_joint = {c.name: c.unit for c in components_of(mechanism.joints) if c.iq >= 0}
+    for name in parts:
+        quantity, _, joint = name.partition(".")
+        unit = next(by_joint[own] for own in by_joint if joint == own or joint.startswith(f"{own}-"))
+        found[name] = (quantity, "N" if unit == "m" else "N m")
+    for actuator in mechanism.actuators:
+        found[f"actuator.{actuator.name}"] = ("actuator", _units_along(actuator.along, by_joint)[1])
+        if actuator.dynamics != "none":
+            found[f"activation.{actuator.name}"] = ("activation", "1")
+    for name, path in mechanism.tendons.items():
+        found[f"tendon.{name}"] = ("tendon", _units_along(path, by_joint)[0])
     return found
+
+
+def _units_along(path: Path, by_joint: Mapping[str, str]) -> tuple[str, str]:
+    """Of a path's length and of a force along it."""
+    turns = False
+    if isinstance(path, FixedTendon):
+        turns = "rad" in {by_joint[joint] for joint in path.joints}
+        if turns and any(abs(value) != 1.0 for value in path.coefficients.values()):
+            return "m or rad", "N or N m"  # coefficients are m/rad or pure numbers
+    elif isinstance(path, SiteForce | TurningJoint):
+        turns = len(path.gear) == 3 or not any(path.gear[:3])
+    return ("rad", "N m") if turns else ("m", "N")
 
 
 def panels_of(runs: Runs, what: Asked, joints: Asked, over: str | None = None) -> tuple[list[Panel], str]:
@@ -107,7 +132,7 @@ def panels_of(runs: Runs, what: Asked, joints: Asked, over: str | None = None) -
         for line in (line for lines in drawn for line in lines):
             if line.column and line.column not in there:
                 lines_of_column(run, line.column, "overlay")
-    known = units(first.mechanism)
+    known = units(first.mechanism, first.part_names)
     panels = [panel for lines in drawn for panel in _by_unit(lines, known)]
     return panels, title
 
@@ -136,7 +161,9 @@ def lines_of_column(run: Trajectory, name: str, argument: str = "what") -> list[
 
 def known_names(mechanism: Mechanism) -> list[str]:
     """Whatever may be drawn of a motion, recorded or not."""
-    columns = list(units(mechanism))
+    from ...simulation.phases.rows import columns_of  # pictures of other motions need not load it
+
+    columns = list(units(mechanism, columns_of(mechanism.parts)))
     joints = [joint.name for joint in mechanism.joints]
     short = [short_name(name) for name in columns if name.startswith("q.")]
     whole = [f"{letter}.{joint}" for letter in JOINTS for joint in joints]
