@@ -262,6 +262,24 @@ def test_what_the_kernel_does_not_take_alone() -> None:
         one.step({"q1": 2.0}, 100)
         np.testing.assert_allclose(q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-14)
     assert one.happenings
+    with pytest.raises(rg.OptionError, match="jacobians=True does not know stops"):
+        batch.step(jacobians=True)
+
+
+@pytest.mark.filterwarnings("ignore::robust_gcp.PerformanceWarning", "ignore::robust_gcp.ModelWarning")
+def test_stops_and_friction_of_a_file_act(tmp_path: Path) -> None:
+    """Where joints= is left out, as in simulate."""
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><option><flag contact="disable"/></option><worldbody><body>
+        <joint name="q" axis="0 1 0" range="-40 20" frictionloss="0.3"/><geom size="0.1" pos="1 0 0"/>
+        </body></worldbody></mujoco>"""
+    )
+    arm = rg.load(tmp_path / "arm.xml", limits=True, friction=True)
+    q = rg.Batch(arm, 2).step(n=500).q
+    np.testing.assert_allclose(q, np.tile(rg.Simulation(arm).step(n=500).q, (2, 1)), rtol=0.0, atol=1e-14)
+    free = rg.load(tmp_path / "arm.xml")
+    q = rg.Batch(arm, 2, joints=[]).step(n=500).q
+    np.testing.assert_allclose(q, rg.Batch(free, 2).step(n=500).q, rtol=0.0, atol=1e-14)
 
 
 @pytest.mark.parametrize("first", [pin.JointModelRX, pin.JointModelPlanar])

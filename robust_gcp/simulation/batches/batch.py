@@ -16,7 +16,7 @@ from ...errors import OptionError, RobustGcpError, SimulationError, StateError
 from ...kernel.simulation.row_state import RowState
 from ...kernel.simulation.steps import chosen_library
 from ...mechanism.mechanism import Mechanism
-from ...mechanism.parts import Part
+from ...mechanism.parts import Part, parts_given
 from ...mechanism.tree.tree import Array
 from ..derivatives.one_step import Stepped
 from ..runs.too_long_steps import Coarse
@@ -108,7 +108,8 @@ class Batch:
         check_positive("step", step)
         check_finite("t0", t0)
         check_whole("threads", threads, 1)
-        self.mechanism, self._step, self._t0, self._joints = mechanism, float(step), float(t0), joints
+        self.mechanism, self._step, self._t0 = mechanism, float(step), float(t0)
+        self._joints = mechanism.parts if joints is None else parts_given(joints)
         self._pool = ThreadPoolExecutor(threads, "robust_gcp Batch") if threads > 1 else None
         self._ctrl: Array | None = None
         self.errors: dict[int, RobustGcpError] = {}
@@ -223,6 +224,8 @@ class Batch:
         require_room(out, self.q, self.v)
         if jacobians and (ctrl is not None or self._ctrl is not None):
             raise OptionError("jacobians=True goes with torques; give tau in place of ctrl")
+        if jacobians and self._joints:
+            raise OptionError("jacobians=True does not know stops, friction and locks; leave joints= out")
         if ctrl is not None:
             self._power(ctrl)
         held[:, : mechanism.nv] = torques
