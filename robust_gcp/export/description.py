@@ -79,7 +79,7 @@ def require_compiled(mechanism: Mechanism) -> None:
     own = None if mechanism.applied is None else mechanism.applied.own
     reasons = {
         "forces of your own, which are Python": own is not None,
-        "stops, friction and locks (leave them out by load(..., parts) or joints=[])": bool(mechanism.parts),
+        "stops and friction of its file (load it without limits=, friction=)": bool(mechanism.parts),
         "paths of actuators that only Python knows": not drives_in_kernel(mechanism),
         "actuators with activations": any(a.dynamics != "none" for a in mechanism.actuators),
     }

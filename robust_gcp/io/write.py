@@ -16,6 +16,7 @@ from ..mechanism.actuation.tendon_springs import TendonSpring
 from ..mechanism.forces.applied_forces import is_known
 from ..mechanism.forces.forces import JointTorque
 from ..mechanism.mechanism import Mechanism
+from ..mechanism.parts import Stop
 from ..warning import warn
 from .mjcf.writer import mjcf_text
 from .text_file import path_of
@@ -55,6 +56,8 @@ def write(mechanism: Mechanism, path: str | Path) -> Path:
     note(lost, "that joints move the ground, which are free there", mechanism.moved)
     if target.suffix not in (".xml", ".mjcf"):
         note(lost, "keyframes", mechanism.keyframes)
+        bouncing = [part for part in mechanism.parts if isinstance(part, Stop) and part.restitution]
+        note(lost, "restitution of stops", [part.joint for part in bouncing])
     try:
         for file, text in files.items():
             file.parent.mkdir(parents=True, exist_ok=True)

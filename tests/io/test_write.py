@@ -211,6 +211,32 @@ def test_what_a_format_has_no_place_for_is_told(tmp_path: Path) -> None:
         rg.Mechanism.from_pinocchio(model).write(tmp_path / "screw.urdf")
 
 
+def test_a_spring_to_the_ground_is_read_back(tmp_path: Path) -> None:
+    """A site cannot be called "universe", as its frame is."""
+    plain = rg.load("slider_crank")
+    spring = rg.PointSpring(plain.closures[0].frame1, "universe", 10.0, 0.1, 0.2)
+    mech = rg.Mechanism.from_pinocchio(
+        plain.model, plain.closures, plain.independent, plain.home, forces=[spring]
+    )
+    for file in FORMATS:
+        read, v = rg.load(mech.write(tmp_path / file)), mech.lift(mech.home, [1.0])
+        np.testing.assert_allclose(
+            rg.forward_dynamics(read, mech.home, v), rg.forward_dynamics(mech, mech.home, v), rtol=1e-9
+        )
+
+
+def test_restitutions_that_a_format_does_not_hold_are_told(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(
+        """<mujoco><option><flag contact="disable"/></option><worldbody><body>
+        <joint name="q" axis="0 1 0" range="-40 20"/><geom size="0.1" pos="1 0 0"/>
+        </body></worldbody></mujoco>"""
+    )
+    arm = rg.load(tmp_path / "arm.xml", limits=True)
+    with pytest.warns(rg.ModelWarning, match=r"restitution of stops \(q\)"):
+        arm.write(tmp_path / "arm.urdf")
+    assert rg.load(arm.write(tmp_path / "again.xml"), limits=True).parts == arm.parts
+
+
 def test_moments_that_no_body_has_are_told(tmp_path: Path) -> None:
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelRX(), pin.SE3.Identity(), "q")

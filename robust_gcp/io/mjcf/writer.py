@@ -21,6 +21,7 @@ from ..names import unlike
 from ..written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 from .drives_writer import DrivesWriter
 from .stops import solref_of
+from .tree import RESERVED
 
 LEAST = 2e-15
 """Twice the mass, kg, and moment, kg m², that MuJoCo takes for none: a slender rod's about itself."""
@@ -233,6 +234,7 @@ class _Ties:
         if frame in self._sites and not np.any(shift):
             return frame
         found = frame_of(self._mechanism.own_model, frame, "closures")
-        name = unlike(frame, self._sites, first=2, join="_")
+        plain = "ground" if frame in RESERVED else frame  # which no site may be called
+        name = unlike(plain, self._sites, first=2, join="_")
         self.site(self._bodies[found.parentJoint], name, found.placement * pin.SE3(np.eye(3), shift))
         return name
