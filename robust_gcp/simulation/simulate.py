@@ -137,8 +137,8 @@ def simulate(
         What to do where a mode ends in a cusp, beyond which the equations of motion do not say how it goes
         on: stop with a `CuspError`, which tells when and how fast the motion arrives and where both
         branches lie, and has the motion up to there, or go on along the other branch with the opposite
-        velocity, as any linkage does that is nearly this one, a number from 0 to 1 being the share of the
-        speed that is kept; see `traj.happenings`.
+        velocity, as any linkage does that is nearly this one, a number between 0 and 1 being the share of
+        the speed that is kept; see `traj.happenings`.
     newton_start : {"tangent", "previous"}
         Start of Newton's method for method="classical".
     threshold : float

@@ -43,7 +43,7 @@ class Simulation(Present):
     ----------
     mechanism : Mechanism
     q0, v0 : array_like (nq,), (nv,), optional
-        As in `simulate`: home, and at rest, when left out.
+        As in `simulate`; home, and at rest, when left out.
     step : float
         s.
     method : {"bridge", "projection", "classical", "closed_form"}
