@@ -14,7 +14,7 @@ from .cluster.options import BridgeOptions
 from .explicit import Counters
 from .grouped import GroupPoint, joined
 from .start import Start, initial_point
-from .start_check import broken_by, checked_mode, require_finite_energy
+from .start_check import broken_by, by_number, checked_mode, require_finite_energy
 
 ROUNDED = 1e-12
 """Share of all velocities that those in loops may be as rounding of the others: what `lift` leaves of a rigid
@@ -61,6 +61,7 @@ def initial_point_of_motion(
     q = mechanism.configuration(q0, "q0")
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
+    mode = by_number(mechanism, q, mode)
     own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
     rest = initial_point(
         groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..analysis.local import analyse
 from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
 from ..mechanism.constraint.rank import motions
@@ -169,6 +170,15 @@ def numbered(mode: ArrayLike | None, modes: int) -> int | None:
     if not 0 <= mode < modes:
         raise OptionError(f"mode = {mode} names none of the {modes} modes at q0; they are numbered from 0")
     return int(mode)
+
+
+def by_number(mechanism: Mechanism, q: Array, mode: ArrayLike | None) -> ArrayLike | None:
+    """`mode` as it is, or its tangent where it is the number of one at q."""
+    if isinstance(mode, bool | np.bool_) or not isinstance(mode, int | np.integer):
+        return mode
+    modes = analyse(mechanism, q).modes
+    number = numbered(mode, len(modes))
+    return mode if number is None else modes[number]
 
 
 def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:

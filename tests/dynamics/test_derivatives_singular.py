@@ -127,6 +127,26 @@ def test_many_states_of_both_modes_at_once() -> None:
                 assert np.abs(one - other).max() < 1e-10 * max(1.0, np.abs(other).max()), (name, i, part)
 
 
+def test_a_mode_is_named_by_its_number_too() -> None:
+    """As in simulate, at one state or several, and at the start of a run."""
+    mech, flat = rg.load("rhombus").with_independent(["q2"]), np.zeros(3)
+    for number, mode in enumerate(rg.analyse(mech, flat).modes):
+        for call in (rg.forward_dynamics, rg.inverse_dynamics, rg.regressor):
+            given = (flat,) if call is rg.forward_dynamics else (flat, flat, [1.0])
+            one, other = (call(mech, *given, mode=named) for named in (number, mode))
+            np.testing.assert_array_equal(getattr(one, "matrix", one), getattr(other, "matrix", other))
+        A, _ = rg.step_jacobians(mech, [flat, flat], None, None, 1e-3, mode=np.int64(number))
+        np.testing.assert_array_equal(A[1], rg.step_jacobians(mech, flat, None, None, 1e-3, mode=mode)[0])
+        np.testing.assert_array_equal(
+            rg.linearise(mech, flat, mode=number).A, rg.linearise(mech, flat, mode=mode).A
+        )
+        run = rg.simulate(mech, flat, duration=0.02, step=2e-3, mode=number)
+        one, other = (rg.gradient(run, rg.Cost(lambda q, v: q[1]), mode=named) for named in (number, mode))
+        np.testing.assert_array_equal(one.dtau, other.dtau)
+    with pytest.raises(rg.OptionError, match="mode = 2 names none of the 2 modes"):
+        rg.derivatives(mech, flat, mode=2)
+
+
 class TestOnAFreeBase:
     """A flat linkage on a floating body, on both of its modes, seven coordinates."""
 
@@ -152,6 +172,14 @@ class TestOnAFreeBase:
 
         assert error(step) < 1e-3 and error(0.5 * step) < error(step) / 300.0
         assert error(0.015) < 1e-9
+
+    def test_a_run_takes_the_mode_of_a_number(self) -> None:
+        for number, mode in enumerate(rg.analyse(self.MECH, self.FLAT).modes):
+            one, other = (
+                rg.simulate(self.MECH, self.FLAT, duration=0.01, step=2e-3, mode=named)
+                for named in (number, mode)
+            )
+            np.testing.assert_array_equal(one.q, other.q)
 
     def udot(self, mode: Array, v: Array, s: float) -> Array:
         """u̇ where the crank has moved by s along the mode, u held."""

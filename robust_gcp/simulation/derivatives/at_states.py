@@ -17,7 +17,7 @@ from ...dynamics.loads import Torques, Wrench, one_torque
 from ...errors import OptionError
 from ...kernel.derivatives.derivations import derivation
 from ...kernel.derivatives.step_derivatives import Derivation
-from ...maps.start_check import checked_mode
+from ...maps.start_check import by_number, checked_mode
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import DETERMINES
 from ...mechanism.tree.tree import Array
@@ -90,6 +90,7 @@ class AtStates:
         if acts is not None and function is None:
             held = np.tile(np.asarray(acts, dtype=float), (len(states), 1))
         given = (tau if table is None else table), wrenches
+        mode = by_number(mechanism, states[0], mode) if len(states) else mode
         along = None if mode is None else checked_mode(mechanism, mode)
         return cls(mechanism, states, fast, given, held, function, one, np.arange(len(states)), along)
 

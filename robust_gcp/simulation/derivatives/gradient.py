@@ -92,7 +92,7 @@ def gradient(
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
     if trajectory.acted is not None:
         torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
-    require_steps(trajectory, mode, "gradient")
+    mode = require_steps(trajectory, mode, "gradient")
     parts = in_parts(trajectory.mechanism, parameters)
     names = list(dict.fromkeys(name for part in parts for name in part))
     if trajectory.dissipated is not None:

@@ -13,7 +13,7 @@ from ...dynamics.equations import CheckedTorque
 from ...dynamics.loads import one_torque
 from ...dynamics.prescribed.control import Actuated
 from ...errors import OptionError
-from ...maps.start_check import checked_mode
+from ...maps.start_check import by_number, checked_mode
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..trajectories.acted import Acted
@@ -88,10 +88,8 @@ def applied_again(run: Trajectory, torque: Any, steps: int) -> Applied:
     return Applied(None, checked_torques(mechanism, table, steps))
 
 
-def require_steps(run: Trajectory, mode: ArrayLike | None, call: str) -> None:
-    """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none."""
-    if mode is not None:
-        checked_mode(run.mechanism, mode)
+def require_steps(run: Trajectory, mode: ArrayLike | None, call: str) -> ArrayLike | None:
+    """Refuse a run that is not one of RK4 with an output at each step, and a mode that is none; the mode."""
     stats = run.stats
     if stats.stepper != "rk4":
         raise OptionError(
@@ -109,6 +107,10 @@ def require_steps(run: Trajectory, mode: ArrayLike | None, call: str) -> None:
             f"{call}: outputs of the run are up to {longest:.6g} s apart, its steps {stats.step:.6g} s; "
             f"make it with step={stats.step:.6g} and without outputs=, so that each step has one"
         )
+    mode = by_number(run.mechanism, run.q[0], mode)
+    if mode is not None:
+        checked_mode(run.mechanism, mode)
+    return mode
 
 
 def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> None:

@@ -73,7 +73,7 @@ def sensitivity(
         raise OptionError(
             "sensitivity: the run has no stops, friction or locks (joints=); rg.gradient differentiates it"
         )
-    require_steps(trajectory, mode, "sensitivity")
+    mode = require_steps(trajectory, mode, "sensitivity")
     if trajectory.acted is not None:
         torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     chain = Chain(trajectory, torque_slopes, mode)
