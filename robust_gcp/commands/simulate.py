@@ -163,6 +163,8 @@ def _require(args: argparse.Namespace, mechanism: Mechanism) -> None:
         meshcat_folder()
     for frame in args.trails or ():
         frame_of(mechanism.own_model, frame, "--trails")
+    if args.trails is not None and args.replay is None:
+        raise OptionError("--trails goes with --replay FILE, which shows them")
 
 
 def _simulated(args: argparse.Namespace, mechanism: Mechanism) -> tuple[Trajectory, SimulationError | None]:

@@ -142,6 +142,7 @@ def test_the_options_that_are_attacked_are_most_of_them() -> None:
         ("simulate rhombus --save run.csv", "a trajectory is a .npz file"),
         ("simulate rhombus --columns q1", "--columns goes with --plot FILE"),
         ("simulate rhombus --over q1", "--over goes with --plot FILE"),
+        ("simulate rhombus --trails coupler_tip", "--trails goes with --replay FILE"),
         ("simulate rhombus --plot a.png --columns v.q8", "--columns v.q8: no joint, column or quantity; did"),
         ("simulate rhombus --plot a.png --over q8", "--over q8: no joint, column or quantity; did you mean"),
         ("simulate rhombus --torque q9=1", "no joint 'q9'"),
