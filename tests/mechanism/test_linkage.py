@@ -176,6 +176,8 @@ def test_what_is_wrong_is_named() -> None:
     refused("axis is zero", lambda: linkage.revolute("crank", "rocker", axis=(0, 0)))
     with pytest.raises(rg.ClosureError, match="is open by"):
         linkage.mechanism({"crank": np.pi, "rocker": 0.0})
+    with pytest.raises(rg.ModelError, match=r"home = \[1.0\] must be \{joint: number\}"):
+        four_bar().mechanism([1.0])  # type: ignore[arg-type]
     with pytest.raises(rg.StateError, match=r"home: .* no joint 'cranks'"):
         linkage.mechanism({"cranks": 1.0})
     linkage.link("lost", 1.0)

@@ -217,6 +217,8 @@ class Linkage:
         ClosureError
             With each loop that stays open, where no configuration closes them all.
         """
+        if home is not None and not isinstance(home, Mapping):
+            raise ModelError(f"{self.name}: home = {shown(home)} must be {{joint: number}}")
         # the ground's joints are in the tree, since most are motors
         joints = sorted(self._joints.values(), key=lambda joint: WORLD not in (joint.parent, joint.child))
         contents = spanned(self.name, list(self._bodies.values()), joints, self._gravity)
