@@ -87,11 +87,12 @@ def one_torque(
         if not wrenches:
             return torque
     functions: dict[str, Any] = {}
+    places: dict[str, list[int]] = {}
     numbers: Any = torque
     if isinstance(torque, Mapping):
         functions = {name: load for name, load in torque.items() if callable(load)}
         numbers = {name: load for name, load in torque.items() if name not in functions}
-    places = places_of(mechanism.joints, functions, "v", "torque")
+        places = places_of(mechanism.joints, torque, "v", "torque")
     parts: list[_Part] = [_JointFunction(places[n], f, f"torque[{n!r}]") for n, f in functions.items()]
     constant: Array = mechanism.tree.zero
     if callable(torque):

@@ -32,7 +32,7 @@ def with_numbers(
     Raises
     ------
     StateError
-        For a name that is not there, or numbers that are none or not as many.
+        For a name that is not there, numbers that are none or not as many, and those that are given twice.
     """
     made = start.copy()
     for name, place in places_of(joints, given, letter, what).items():
@@ -56,8 +56,13 @@ def places_of(joints: Sequence[Joint], names: Iterable[str], letter: str, what: 
             if at >= 0:
                 places[component.name] = [at]
         places[joint.name] = list(range(first, first + count))
+    by_place: dict[int, str] = {}
     for name in names:
         if name not in places:
             near = hint(name, places)
             raise StateError(f"{what}: the model has no joint {name!r}, only {', '.join(places)}{near}")
+        for place in places[name]:
+            other = by_place.setdefault(place, name)
+            if other != name:
+                raise StateError(f"{what}: {other!r} and {name!r} have a number in common; give it once")
     return {name: places[name] for name in names}

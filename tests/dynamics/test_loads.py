@@ -213,6 +213,18 @@ def test_what_is_no_load_is_refused_by_name(what: str) -> None:
         rg.simulate(rg.load("rhombus"), duration=0.01, **loads)
 
 
+def test_what_acts_twice_on_one_number_is_refused() -> None:
+    """A joint and a component of it: neither takes the other's place without a word."""
+    mech = rg.load("rhombus", base="free")
+    words = "'root_joint' and 'root_joint.x' have a number in common"
+    for alone in (1.0, lambda t, q, v: 1.0):
+        torque = {"root_joint": np.ones(6), "root_joint.x": alone}
+        with pytest.raises(rg.StateError, match=f"torque: {words}"):
+            rg.simulate(mech, duration=0.01, torque=torque)
+    with pytest.raises(rg.StateError, match=f"q0: {words}"):
+        rg.simulate(mech, {"root_joint": [0, 0, 0, 0, 0, 0, 1], "root_joint.x": 1.0}, duration=0.01)
+
+
 def test_wrenches_that_are_none() -> None:
     with pytest.raises(rg.RobustGcpError, match="force"):
         rg.Wrench("tip", [1.0, 2.0])
