@@ -232,9 +232,9 @@ class Sample(Named):
         return {"t": self.t, **state_columns(self.mechanism, self.q, self.v, self.a), **self.more}
 
     def _sensed(self, name: str) -> Array:
-        if self.mechanism.sensors[name].needs in "us":
+        if self.mechanism.sensors[name].needs in "ufs":
             raise OptionError(
-                f"sensor {name!r}: controls and forces of stops are known at the times of the run: ask "
+                f"sensor {name!r}: controls and forces are known at the times of the run alone: ask "
                 f'run["{SENSOR}{name}"]'
             )
         t, (q, v, a) = np.atleast_1d(self.t), (np.atleast_2d(part) for part in (self.q, self.v, self.a))
