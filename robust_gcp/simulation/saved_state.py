@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import weakref
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..errors import OptionError
 from ..mechanism.coordinates.groups import groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
+
+if TYPE_CHECKING:
+    from typing import TypeAlias
+
+    from .phases.phased_simulation import PhasedRun
+    from .runs.stepped import SteppedRun
+
+    Run: TypeAlias = SteppedRun | PhasedRun
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,20 +59,19 @@ class SavedState:
     Parameters
     ----------
     simulation : Simulation
-    parts : dict
-        What its steps change, in whose midst are parts of its run that they do not: so no other run can go on
-        from there.
+    run : SteppedRun or PhasedRun
+        That it was on, which alone can go on from there: its grid of times, stops and maps are not saved.
     start : StartState
     """
 
-    __slots__ = ("_of", "_parts", "_start", "_told")
+    __slots__ = ("_of", "_parts", "_run", "_start", "_told")
 
-    def __init__(self, simulation: object, parts: dict[str, Any], start: StartState) -> None:
-        self._of, self._parts, self._told = weakref.ref(simulation), parts, repr(simulation)
-        self._start = start
+    def __init__(self, simulation: object, run: Run, start: StartState) -> None:
+        self._of, self._told = weakref.ref(simulation), repr(simulation)
+        self._run, self._parts, self._start = run, run.copied(), start
 
-    def parts_of(self, simulation: object) -> dict[str, Any]:
-        """The parts, for the simulation that they were copied from.
+    def run_of(self, simulation: object) -> Run:
+        """The run, back where it was, for the simulation that was on it.
 
         Raises
         ------
@@ -77,7 +84,8 @@ class SavedState:
                 f"{simulation!r}; for another one from there: Simulation(mechanism, q, v, t0=t), or "
                 "restore(pickle.loads(pickle.dumps(state)))"
             )
-        return self._parts
+        self._run.put_back(self._parts)
+        return self._run
 
     def __deepcopy__(self, memo: Any) -> SavedState:
         return self  # nothing changes it

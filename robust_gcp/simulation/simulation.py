@@ -140,15 +140,15 @@ class Simulation(Present):
         OptionError, StateError, SimulationError
             As `simulate` does for a start; the simulation is then as it was.
         """
-        return self._reset((q0, v0, mode))
+        return self._reset((q0, v0, mode), self._ctrl)
 
-    def _reset(self, start: Given, phase: Any = None, independent: Sequence[str] = ()) -> Simulation:
+    def _reset(self, start: Given, ctrl: Array | None, saved: StartState | None = None) -> Simulation:
         plan, begun = self._plan, time.perf_counter()
         plan.mechanism.require_unchanged()
-        self.mechanism, run = plan.run(start, self._ctrl, independent)
-        self._begun, self._run = begun, run
+        self.mechanism, run = plan.run(start, ctrl, saved)
+        self._begun, self._run, self._ctrl = begun, run, ctrl
         self._coarse = Coarse(self.mechanism, self._step) if plan.choice.method == "bridge" else None
-        run.recall(phase)
+        run.recall(None if saved is None else saved.phase)
         try:
             run.begin()
         except (SimulationError, ClosureError) as error:
@@ -191,7 +191,7 @@ class Simulation(Present):
         try:
             while left and not run.ended:
                 now = min(left, at_once)
-                run.room_for(now, self._plan.clock)
+                run.room_for(now, self._step)
                 loads = self._loads
                 value = held if loads is None else held + np.asarray(loads(run.time, *run.state))
                 if powered:
@@ -253,7 +253,7 @@ class Simulation(Present):
         driven = None if self._ctrl is None else (self._ctrl.copy(), self._held.activations(self.t))
         names, phase = self.mechanism.joint_names, run.remembered()
         start = StartState(names, *place, run.toward, driven, phase, run.independent)
-        return SavedState(self, run.copied(), start)
+        return SavedState(self, run, start)
 
     def restore(self, state: SavedState | StartState) -> Simulation:
         """Go back, to the last bit, to where `save` of this simulation gave the state; returns itself.
@@ -269,7 +269,7 @@ class Simulation(Present):
             return self._begin_at(state)
         if not isinstance(state, SavedState):
             raise OptionError(f"state = {shown(state)} is not what save() returned")
-        self._run.put_back(state.parts_of(self))
+        self._run = state.run_of(self)
         self._ctrl = self._held.powered
         return self
 
@@ -277,17 +277,11 @@ class Simulation(Present):
         """Begin anew at a state, on its mode where it is singular."""
         if start.joints != self.mechanism.joint_names:
             raise OptionError(f"state is one of the joints {', '.join(start.joints)}, not of {self!r}")
-        before, self._plan.t0 = self._plan.t0, start.t
-        self._ctrl = None
-        if start.driven is not None:
-            self._ctrl, self._held.start = start.driven
+        ctrl = None if start.driven is None else start.driven[0]
         try:
-            return self._reset((start.q, start.v, None), start.phase, start.independent)
+            return self._reset((start.q, start.v, None), ctrl, start)
         except SingularStartError:
-            return self._reset((start.q, start.v, start.mode), start.phase, start.independent)
-        except Exception:
-            self._plan.t0 = before
-            raise
+            return self._reset((start.q, start.v, start.mode), ctrl, start)
 
     def __reduce_ex__(self, protocol: Any) -> NoReturn:
         raise OptionError(

@@ -24,6 +24,7 @@ from .runs.course import Course
 from .runs.initial_state import Given
 from .runs.schedule import Keep, Schedule
 from .runs.stepped import SteppedRun
+from .saved_state import StartState
 from .simulate import checked_toggle
 from .trajectories.acted import Acted
 
@@ -72,33 +73,34 @@ class StepwisePlan:
 
             require_plain({"drive=": self.drive is not None, "method=": self.choice.method != "bridge"})
 
-    def clock(self, first: int, count: int) -> Array:
-        """Times of the outputs numbered from `first` on."""
-        return self.t0 + self.step * np.arange(first, first + count)
-
     def run(
-        self, start: Given, ctrl: Array | None, independent: Sequence[str] = ()
+        self, start: Given, ctrl: Array | None, saved: StartState | None = None
     ) -> tuple[Mechanism, SteppedRun | PhasedRun]:
         """The mechanism, and a run from (q0, v0, mode) that has not begun; without one all is as it was.
 
         Parameters
         ----------
-        independent : sequence of str
-            The joints that are so at first, where they are not those that the user named.
+        saved : StartState, optional
+            Whose time, activations and independent joints it begins with; t0, the actuators' and the user's
+            when left out.
         """
         held, none = self.held, np.zeros(self.mechanism.nv)
+        t0 = self.t0 if saved is None else saved.t
+        active = None if saved is None or saved.driven is None else saved.driven[1]
         before, held.value = held.value, none[:0]
-        held.value = held.row(none, ctrl, (self.t0, self.t0 + self.step))
+        held.value = held.row(none, ctrl, (t0, t0 + self.step), active)
         try:
-            return self._phased(start) if self.parts else self._stepped(start, independent)
+            if self.parts:
+                return self._phased(start, t0)
+            return self._stepped(start, t0, () if saved is None else saved.independent)
         except Exception:
             held.value = before
             raise
 
-    def _stepped(self, start: Given, independent: Sequence[str]) -> tuple[Mechanism, SteppedRun]:
-        span = np.array([self.t0, self.t0 + self.step])
+    def _stepped(self, start: Given, t0: float, independent: Sequence[str]) -> tuple[Mechanism, SteppedRun]:
+        span = np.array([t0, t0 + self.step])
         mechanism, drives = prescribed(self.mechanism, self.drive, start[0], span)
-        course = at_first = self._course(mechanism, drives, ROOM)
+        course = at_first = self._course(mechanism, drives, t0, ROOM)
         if independent and course.on_toggle == "repartition":
             at_first = replace(course, mechanism=in_coordinates(mechanism, independent))
         motion, native, stability = at_first.begun(start, self.held, self.kernel, self.required)
@@ -108,16 +110,18 @@ class StepwisePlan:
         assert isinstance(run, SteppedRun)  # as torques are held
         return mechanism, run
 
-    def _phased(self, start: Given) -> tuple[Mechanism, PhasedRun]:
+    def _phased(self, start: Given, t0: float) -> tuple[Mechanism, PhasedRun]:
         from .phases.phased_simulation import PhasedRun  # a simulation without them need not load them
 
-        told = self.held, start, self.t0, self.keep, self.kernel, self.required
-        return self.mechanism, PhasedRun(self._course(self.mechanism, None, 2), self.parts, *told)
+        told = self.held, start, t0, self.keep, self.kernel, self.required
+        course = self._course(self.mechanism, None, t0, 2)
+        return self.mechanism, PhasedRun(course, self.parts, *told)
 
-    def _course(self, mechanism: Mechanism, drives: Drive | None, outputs: int) -> Course:
+    def _course(self, mechanism: Mechanism, drives: Drive | None, t0: float, outputs: int) -> Course:
         """What a run is to do, with room for so many outputs."""
         toggle = checked_toggle(None, self.choice.method, drives is not None)
+        schedule = Schedule.numbered(t0, self.step, 0, outputs)
         return Course(
-            mechanism, Schedule.every(self.clock(0, outputs)), self.step, self.step, self.choice, drives,
-            "rk4", None, Acted(None, tuple(self.wrenches)), self.record, self.events, toggle, keep=self.keep,
+            mechanism, schedule, self.step, self.step, self.choice, drives, "rk4", None,
+            Acted(None, tuple(self.wrenches)), self.record, self.events, toggle, keep=self.keep,
         )  # fmt: skip

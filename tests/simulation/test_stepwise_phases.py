@@ -162,6 +162,33 @@ def test_many_ways_on_from_one_state() -> None:
         assert sim.v[0] == pytest.approx(0.1 * (1.0 + k))
 
 
+@pytest.mark.parametrize("joints", [[], [rg.Lock("q2", start=0.05, end=0.1)]], ids=["plain", "phases"])
+def test_a_visit_to_a_pickled_state_changes_neither_the_way_back_nor_a_new_beginning(joints: Any) -> None:
+    """Times, locks and activations are those of the run that is gone back to, or of t0."""
+    shipped = rg.load("crank_rocker")
+    lag = rg.Actuator("lag", "q1", gain=(2.0,), dynamics="filter", time=(0.1,))
+    mech = rg.Mechanism.from_pinocchio(
+        shipped.model, shipped.closures, shipped.independent, shipped.home, actuators=[lag]
+    )
+    sim = rg.Simulation(mech, joints=joints, ctrl={"lag": 1.0})
+    begin = sim.save()
+    wanted = sim.step(n=1200).trajectory
+    far = pickle.loads(pickle.dumps(sim.save()))
+    for back in (lambda: sim.restore(begin), sim.reset):
+        sim.restore(far)
+        assert sim.t == pytest.approx(1.2)
+        again = back().step(n=1200).trajectory
+        assert again.happenings == wanted.happenings
+        for name in ("q1", "q2", "q3", "v.q1", "activation.lag"):
+            assert np.abs(again[name] - wanted[name]).max() < 1e-12
+        assert np.array_equal(again.t, wanted.t)
+    after = sim.step(n=3).q
+    sim.restore(sim.restore(begin).step(n=1200).save())
+    with pytest.raises(rg.ClosureError):
+        sim.restore(dataclasses.replace(far, q=far.q + 1.0, driven=(-far.driven[0], far.driven[1])))
+    assert np.abs(sim.step(n=3).q - after).max() < 1e-12
+
+
 def test_what_was_told_stays_as_it_was() -> None:
     """Costs so far of a mass that rests do not grow when it is torn off and comes to rest again."""
     sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.05, joints=[rg.JointFriction("q1", 20.0)])

@@ -84,7 +84,7 @@ class HeldTorque(TorqueFunction):
         held.asked = asked
         return held
 
-    def row(self, tau: Array, controls: ArrayLike | None, span: Span) -> Array:
+    def row(self, tau: Array, controls: ArrayLike | None, span: Span, active: Array | None = None) -> Array:
         """A value to hold over a step, with the activations that the value before it leads to.
 
         Parameters
@@ -93,12 +93,14 @@ class HeldTorque(TorqueFunction):
             NaN: those of the value before.
         span : (float, float)
             When the step begins and ends, s.
+        active : ndarray (n,), optional
+            Activations, where they are not those that the value before leads to.
         """
         if not self._actuators:
             return tau
         t0, t1 = span
         ctrl = np.full(len(self._actuators), np.nan) if controls is None else np.array(controls, dtype=float)
-        w = self.activations(t0)
+        w = self.activations(t0) if active is None else active
         times = (t0, 0.5 * (t0 + t1), t1, t1) if self.stride else (t0,)
         u = [self._driven(ctrl, w, t - t0) for t in times]
         return np.concatenate([tau, *u, ctrl, w, [t0 if self.stride else 0.0]])

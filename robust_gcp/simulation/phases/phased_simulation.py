@@ -12,7 +12,7 @@ from .course import Phases
 from .grid import Chosen, Grid
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from ...dynamics.prescribed.zero_order_hold import HeldTorque
     from ...mechanism.parts import Part
@@ -64,7 +64,7 @@ class PhasedRun(Phases):
         self.advance(self._grid.number(self._at))
         self.passed.turns.clear()  # nobody takes the steps of a simulation again
 
-    def room_for(self, n: int, clock: Callable[[int, int], Array]) -> None:
+    def room_for(self, n: int, step: float) -> None:
         """There always is."""
 
     @property

@@ -99,6 +99,11 @@ class Schedule:
         return cls(times, times, all_rows, all_rows)
 
     @classmethod
+    def numbered(cls, t0: float, step: float, first: int, count: int) -> Schedule:
+        """The same of steps of one length from t0 on, from the one numbered `first`."""
+        return cls.every(t0 + step * np.arange(first, first + count))
+
+    @classmethod
     def at(cls, times: Array, outputs: Array) -> Schedule:
         """These outputs, each at the end of a step or within one."""
         width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])

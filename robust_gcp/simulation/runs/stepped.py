@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -53,6 +52,7 @@ class SteppedRun(FixedRun):
         self._lean: Prepared | None = None
         self._begun = 0  # where the steps began that the kernel has not told of
         self._watching: Array | None = None  # q of all outputs, where rows of φ are to be looked at
+        self._t0 = float(self.times[0])
         self._gone = 0  # outputs since the start that this run numbers no more
         self._most = most_steps(self._motion.mechanism)
 
@@ -249,27 +249,28 @@ class SteppedRun(FixedRun):
             return i, now
         return super()._natively(native, i, last, now)
 
-    def room_for(self, n: int, clock: Callable[[int, int], Array]) -> None:
+    def room_for(self, n: int, step: float) -> None:
         """Make room for n more outputs, by letting go of those that are not kept or by growing.
 
         Parameters
         ----------
-        clock : callable (first, count) -> ndarray
-            Times of outputs, numbered since the start.
+        step : float
+            Between outputs, s.
         """
         if self.at + n < len(self.times):
             return
         self.settle()
         if not self._record.keeps.all:
-            self._slide(self._recovery.safe.i, clock)
+            self._slide(self._recovery.safe.i, step)
         if self.at + n >= (room := len(self.times)):
-            self._schedule = Schedule.every(clock(self._gone, max(2 * room, self.at + n + 1)))
+            count = max(2 * room, self.at + n + 1)
+            self._schedule = Schedule.numbered(self._t0, step, self._gone, count)
             self._record.grow(self._schedule)
 
-    def _slide(self, n: int, clock: Callable[[int, int], Array]) -> None:
+    def _slide(self, n: int, step: float) -> None:
         """Number outputs from the n-th on, before which the run never goes back."""
         self._gone += n
-        self._schedule = Schedule.every(clock(self._gone, len(self.times)))
+        self._schedule = Schedule.numbered(self._t0, step, self._gone, len(self.times))
         self._record.forget(n, self._schedule)
         self._recovery.shift(n)
         self._torques.forget(n)
