@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Container, Sequence
 
+RESERVED = ("universe", "world")
+"""The ground's: nothing else of an MJCF is called so."""
+
 
 def unlike(name: str, taken: Container[str], first: int = 1, join: str = "") -> str:
     """The name, numbered where it is taken."""

@@ -160,6 +160,19 @@ def test_they_are_written_and_read_back(tmp_path: Path) -> None:
             assert again == pytest.approx(ours, rel=1e-9, abs=1e-9)
 
 
+def test_tendons_to_the_ground_are_written_and_read_back(tmp_path: Path) -> None:
+    """The ground's own frame, which is a name that no site may have."""
+    shipped, cord = rg.load("rhombus"), rg.SpatialTendon(["universe", "coupler_tip"])
+    one = rg.Mechanism.from_pinocchio(
+        shipped.model, shipped.closures, shipped.independent, shipped.home,
+        forces=[rg.PointSpring("universe", "rocker_tip", 5.0, 0.5)],
+        actuators=[rg.Actuator.motor("winch", cord)],
+    )  # fmt: skip
+    two = rg.load(one.write(tmp_path / "b.xml"))
+    ends = [rg.simulate(mech, duration=0.1, step=1e-3, ctrl={"winch": -3.0}).q[-1] for mech in (one, two)]
+    assert ends[1] == pytest.approx(ends[0], abs=1e-10)
+
+
 FILES = [
     "robotiq_2f85/2f85.xml", "ufactory_xarm7/hand.xml", "ufactory_xarm7/xarm7.xml",
     "reachy_mini/reachy_mini.xml", "g1_parallel_ankle/23urdf311.xml", "tiangong_parallel_ankle/TG10-00.xml",

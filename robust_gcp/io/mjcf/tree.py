@@ -13,7 +13,7 @@ from ...checks import hint
 from ...errors import ModelError
 from ...mechanism.tree.joints import along
 from ...mechanism.tree.tree import Array
-from ..names import all_named, unlike
+from ..names import RESERVED, all_named, unlike
 from .compiled import is_off
 
 FREE, BALL, SLIDE, HINGE = range(4)
@@ -21,7 +21,6 @@ FREE, BALL, SLIDE, HINGE = range(4)
 AXES = {kind + axis: (sort, i) for kind, sort in (("", "P"), ("r", "R")) for i, axis in enumerate("xyz")}
 """What a standing body may be moved along and about: a slide or a hinge, and its axis."""
 
-RESERVED = ("universe", "world")
 ROOT_JOINT = "root_joint"
 
 

@@ -17,11 +17,10 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import Stop
 from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
-from ..names import unlike
+from ..names import RESERVED, unlike
 from ..written import Lost, Part, note, parts_of, plain_numbers, quaternion, text, whole_closures
 from .drives_writer import DrivesWriter
 from .stops import solref_of
-from .tree import RESERVED
 
 LEAST = 2e-15
 """Twice the mass, kg, and moment, kg m², that MuJoCo takes for none: a slender rod's about itself."""
@@ -234,7 +233,6 @@ class _Ties:
         if frame in self._sites and not np.any(shift):
             return frame
         found = frame_of(self._mechanism.own_model, frame, "closures")
-        plain = "ground" if frame in RESERVED else frame  # which no site may be called
-        name = unlike(plain, self._sites, first=2, join="_")
+        name = unlike(frame, {*self._sites, *RESERVED}, first=2, join="_")
         self.site(self._bodies[found.parentJoint], name, found.placement * pin.SE3(np.eye(3), shift))
         return name
