@@ -16,10 +16,6 @@ from .grouped import GroupPoint, joined
 from .start import Start, initial_point
 from .start_check import broken_by, by_number, checked_mode, require_finite_energy
 
-ROUNDED = 1e-12
-"""Share of all velocities that those in loops may be as rounding of the others: what `lift` leaves of a rigid
-structure breaks its loops."""
-
 
 @dataclass
 class GroupStart(Start):
@@ -73,11 +69,13 @@ def initial_point_of_motion(
 
 
 def _velocities_of_rest(groups: Groups, q: Array, v: Array) -> Array:
-    """Those in loops; zero where they are rounding of the others, and no motion of the loops."""
-    own = v[groups.rest_iv]
-    if np.abs(own).max(initial=0.0) > ROUNDED * np.abs(v).max(initial=0.0):
+    """Those in loops; without what breaks these, where that is rounding of all velocities together."""
+    rest, own, at = groups.rest, v[groups.rest_iv], q[groups.rest_iq]
+    if broken_by(rest, at, own) is None or broken_by(groups.mechanism, q, v) is not None:
         return own
-    return own if broken_by(groups.rest, q[groups.rest_iq], own) is None else np.zeros(len(own))
+    K, u = rest.scaled(rest.K(at)), own / rest.column_scale
+    own = rest.column_scale * (u - np.linalg.lstsq(K, K @ u)[0])
+    return own if broken_by(rest, at, own) is None else np.zeros(len(own))
 
 
 def start_on_groups(groups: Groups, rest: Start, first: GroupPoint) -> GroupStart:

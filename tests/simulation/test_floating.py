@@ -175,6 +175,18 @@ def test_floating_four_bar(lengths: tuple[float, ...]) -> None:
     np.testing.assert_allclose(after, before, atol=1e-10)
 
 
+@pytest.mark.parametrize("size", [1e-14, 1e-12, 1e-7])
+def test_what_rounding_leaves_of_loops_that_rest_breaks_none(size: float) -> None:
+    """As a stop's impulse does at a poorly conditioned place; it is a share of all velocities that counts."""
+    mech = floating(pin.JointModelFreeFlyer(), REGULAR)
+    v = np.append([1.0, 2.0, 3.0, 0.5, -0.5, 0.2], np.zeros(3))
+    noise = np.append(np.zeros(6), size * np.array([1.0, 1.0, -1.0]))
+    one, other = (rg.simulate(mech, v0=each, duration=0.1, step=1e-3) for each in (v, v + noise))
+    assert apart(mech, one, other) < 1e-12 + 3.0 * size
+    with pytest.raises(rg.StateError, match="breaks the loop"):
+        rg.simulate(mech, v0=v + 1e-4 / size * noise, duration=0.1, step=1e-3)
+
+
 def test_against_six_joints_of_one_number() -> None:
     """The same base on three slides and three hinges, whose numbers are coordinates as they are."""
     m, i = pin.Model(), 0
