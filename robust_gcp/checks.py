@@ -134,7 +134,7 @@ def check_callable(name: str, value: Any, arguments: str) -> None:
         raise OptionError(f"{name} = {shown(value)} must be a function {arguments}")
 
 
-WITH_PARTS = ("simulate", "Simulation", "Batch", "analyse", "draw", "trace_modes")
+WITH_PARTS = ("simulate", "Simulation", "Batch", "MechanismVectorEnv", "analyse", "draw", "trace_modes")
 """Functions that take a mechanism with stops and dry friction of its file."""
 
 

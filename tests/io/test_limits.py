@@ -120,6 +120,15 @@ def test_parts_go_with_their_mechanism(tmp_path: Path) -> None:
         assert rg.load(mech.write(tmp_path / file), limits=True, friction=True).parts == PARTS
 
 
+@pytest.mark.filterwarnings("ignore::robust_gcp.PerformanceWarning")
+def test_rows_of_a_batch_are_simulations_with_them(tmp_path: Path) -> None:
+    (tmp_path / "p.urdf").write_text(URDF)
+    mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
+    one = rg.Simulation(mech, [0.1], [2.0]).step(n=500)
+    two, free = (rg.Batch(mech, 2, [0.1], [2.0], joints=joints).step(n=500).q for joints in (None, []))
+    assert np.abs(two - one.q).max() < 1e-12 and np.abs(free - one.q).min() > 1e-3
+
+
 def test_what_does_not_know_them_says_so(tmp_path: Path) -> None:
     """Never a motion without the stops that were asked for."""
     (tmp_path / "p.urdf").write_text(URDF)

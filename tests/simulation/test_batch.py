@@ -262,7 +262,7 @@ def test_what_the_kernel_does_not_take_alone() -> None:
         one.step({"q1": 2.0}, 100)
         np.testing.assert_allclose(q, np.tile(one.q, (2, 1)), rtol=0.0, atol=1e-14)
     assert one.happenings
-    with pytest.raises(rg.OptionError, match="jacobians=True does not know stops"):
+    with pytest.raises(rg.OptionError, match="jacobians=True does not go with stops"):
         batch.step(jacobians=True)
 
 

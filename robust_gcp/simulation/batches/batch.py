@@ -205,7 +205,7 @@ class Batch:
         out : (ndarray (N, nq), ndarray (N, nv)), optional
             Where q and v are written, of any float type.
         jacobians : bool
-            Whether A and B of the n steps are wanted, as `rg.step` has them; under torques alone.
+            Whether A and B of the n steps are wanted, as `rg.step` has them; under torques, without `joints`.
 
         Returns
         -------
@@ -225,7 +225,7 @@ class Batch:
         if jacobians and (ctrl is not None or self._ctrl is not None):
             raise OptionError("jacobians=True goes with torques; give tau in place of ctrl")
         if jacobians and self._joints:
-            raise OptionError("jacobians=True does not know stops, friction and locks; leave joints= out")
+            raise OptionError("jacobians=True does not go with stops, friction, locks; rg.sensitivity does")
         if ctrl is not None:
             self._power(ctrl)
         held[:, : mechanism.nv] = torques
