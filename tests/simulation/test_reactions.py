@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from typing import Any
 
 import numpy as np
@@ -115,3 +116,6 @@ def test_what_a_file_does_not_hold_is_said(tmp_path: Any) -> None:
         again.reaction("crank")
     with pytest.raises(rg.OptionError, match="multipliers"):
         moving("B", record=()).reaction("crank")
+    swung = moving("B", wrenches=[], torque={"crank": lambda t, q, v: np.sin(t)})
+    for kept in (rg.load_trajectory(swung.save(tmp_path / "swung.npz")), pickle.loads(pickle.dumps(swung))):
+        np.testing.assert_allclose(kept.reaction("crank").moment, swung.reaction("crank").moment, atol=1e-12)

@@ -35,6 +35,8 @@ class Acted:
         How these move; files and pickles do not hold it.
     lost : bool
         Whether `torque` was a function and is not kept any more: files and pickles hold no code.
+    pushed : bool
+        Whether wrenches were part of what is lost.
     """
 
     torque: Torque | ArrayLike | None = None
@@ -42,24 +44,31 @@ class Acted:
     held: Array | None = None
     drive: tuple[str, ...] = ()
     lost: bool = False
+    pushed: bool = False
     motions: Mapping[str, Motion] = field(default_factory=dict)
 
     def without_code(self) -> Acted:
         """What files and pickles hold of it."""
         if not callable(self.torque):
             return self
-        return replace(self, torque=None, wrenches=(), lost=True)
+        pushed = self.pushed or bool(self.wrenches)
+        return replace(self, torque=None, wrenches=(), lost=True, pushed=pushed)
 
     def arrays(self) -> dict[str, Array | None]:
-        """Its numbers by name, for a file; the rest is in `drive` and `lost`."""
+        """Its numbers by name, for a file; the rest is in `told`."""
         kept = self.without_code()
         torque = None if kept.torque is None else np.asarray(kept.torque, dtype=float)
         return {"acted_torque": torque, "acted_held": kept.held}
 
+    def told(self) -> dict[str, Any]:
+        """The rest of what a file holds."""
+        kept = self.without_code()
+        return {"drive": kept.drive, "lost": kept.lost, "pushed": kept.pushed}
+
     def __reduce__(self) -> tuple[type[Acted], tuple[Any, ...]]:
         """Pickle without code."""
         kept = self.without_code()
-        return Acted, (kept.torque, kept.wrenches, kept.held, kept.drive, kept.lost)
+        return Acted, (kept.torque, kept.wrenches, kept.held, kept.drive, kept.lost, kept.pushed)
 
     def __copy__(self) -> Acted:
         """Itself: nothing changes it."""

@@ -106,7 +106,7 @@ def write_archive(
         "stats": stats,
         "ended_by": ended_by,
         "parts": parts,
-        "acted": None if acted is None else {"drive": acted.drive, "lost": acted.without_code().lost},
+        "acted": None if acted is None else acted.told(),
         **mechanism_as_plain(mechanism),
     }
     arrays = {**arrays, **({} if acted is None else acted.arrays())}
@@ -193,8 +193,10 @@ def _acted(meta: dict[str, Any], mechanism: Mechanism, arrays: dict[str, Array])
     torque, held = arrays.pop("acted_torque", None), arrays.pop("acted_held", None)
     told = meta.get("acted")
     if told is None:
-        return Acted(lost=True) if "work" in arrays and not does_work(mechanism, None) else None
-    return Acted(torque, held=held, drive=tuple(told["drive"]), lost=bool(told["lost"]))
+        return Acted(lost=True, pushed=True) if "work" in arrays and not does_work(mechanism, None) else None
+    lost = bool(told["lost"])
+    pushed = bool(told.get("pushed", lost))  # files of 0.2.0 do not tell
+    return Acted(torque, held=held, drive=tuple(told["drive"]), lost=lost, pushed=pushed)
 
 
 def _fingerprint(mechanism: Mechanism, q: Array, v: Array) -> dict[str, Array]:

@@ -210,8 +210,8 @@ class Loaded:
         cuts = [self._in_cut(i) for i in range(len(loops))]
         if self.wrenches is None:
             raise OptionError(
-                "reaction: a torque function or wrenches acted on this motion, and its file or pickle holds "
-                "none; ask the trajectory that was simulated"
+                "reaction: wrenches acted on this motion, and its file or pickle holds none; ask the "
+                "trajectory that was simulated"
             )
         ends = [[(frame, *place_of(model, frame)) for frame in (c.frame1, c.frame2)] for c in loops]
 

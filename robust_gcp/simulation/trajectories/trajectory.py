@@ -227,7 +227,7 @@ class Trajectory(Named, Pictures):
     @property
     def _loaded(self) -> Loaded:
         acted = Acted() if self.acted is None else self.acted
-        known = None if acted.lost else acted.wrenches
+        known = None if acted.pushed else acted.wrenches
         state = self.mechanism, self.t, self.q, self.v, self.accelerations
         forces = () if self.part_forces is None else self.part_forces.T
         stops = dict(zip(self.part_names, forces, strict=False))
