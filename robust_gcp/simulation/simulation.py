@@ -128,7 +128,7 @@ class Simulation(Present):
     ) -> Simulation:
         """Begin anew at t0, from a start as for a new simulation; returns itself.
 
-        What `save` gave before still leads back.
+        Controls stay those given last. What `save` gave before still leads back.
 
         Parameters
         ----------
@@ -145,14 +145,18 @@ class Simulation(Present):
     def _reset(self, start: Given, ctrl: Array | None, saved: StartState | None = None) -> Simulation:
         plan, begun = self._plan, time.perf_counter()
         plan.mechanism.require_unchanged()
+        was, held = dict(vars(self)), self._held.value
         self.mechanism, run = plan.run(start, ctrl, saved)
         self._begun, self._run, self._ctrl = begun, run, ctrl
         self._coarse = Coarse(self.mechanism, self._step) if plan.choice.method == "bridge" else None
-        run.recall(None if saved is None else saved.phase)
         try:
+            run.recall(None if saved is None else saved.phase)
             run.begin()
-        except (SimulationError, ClosureError) as error:
-            error.trajectory = self.trajectory
+        except Exception as error:
+            if isinstance(error, SimulationError | ClosureError):
+                error.trajectory = self.trajectory
+            vars(self).update(was)
+            self._held.value = held
             raise
         return self
 

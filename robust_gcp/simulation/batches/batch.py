@@ -158,7 +158,7 @@ class Batch:
         *,
         mode: ArrayLike | None = None,
     ) -> Batch:
-        """Begin some rows anew at t0; returns itself.
+        """Begin some rows anew at t0, under the controls given last; returns itself.
 
         Parameters
         ----------
