@@ -189,6 +189,27 @@ def test_a_visit_to_a_pickled_state_changes_neither_the_way_back_nor_a_new_begin
     assert np.abs(sim.step(n=3).q - after).max() < 1e-12
 
 
+@pytest.mark.parametrize("joints", [[], [rg.Lock("q2", start=0.05, end=0.1)]], ids=["plain", "phases"])
+def test_a_new_beginning_that_fails_where_it_is_looked_at_leaves_all_as_it_was(joints: Any) -> None:
+    mech = rg.load("crank_rocker")
+
+    def ahead(t: float, q: NDArray[np.float64], v: NDArray[np.float64]) -> float:
+        if q[0] > 1.0:
+            raise ValueError("no such place")
+        return 1.0
+
+    sims = [
+        rg.Simulation(mech, joints=joints, events=rg.Event(ahead)).step([0.5, 0.0, 0.0], n=60) for _ in "ab"
+    ]
+    with pytest.raises(ValueError, match="no such place"):
+        sims[0].reset(mech.assemble([1.2, *mech.home[1:]]))
+    for sim in sims:
+        sim.step([-0.3, 0.0, 0.0], n=60)
+    assert sims[0].t == sims[1].t
+    assert np.array_equal(sims[0].trajectory.q, sims[1].trajectory.q)
+    assert sims[0].happenings == sims[1].happenings
+
+
 def test_what_was_told_stays_as_it_was() -> None:
     """Costs so far of a mass that rests do not grow when it is torn off and comes to rest again."""
     sim = rg.Simulation(sliders(1.0), [0.0], [0.0], 0.05, joints=[rg.JointFriction("q1", 20.0)])

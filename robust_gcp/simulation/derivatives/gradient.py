@@ -53,7 +53,8 @@ def gradient(
 ) -> Gradient | list[Gradient | None]:
     """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
 
-    Through singular configurations, impacts, holds and releases too. The run has an output at every step.
+    Through singular configurations, impacts, holds and releases too. The run has an output at every step; the
+    start is its first output.
 
     Parameters
     ----------

@@ -100,7 +100,8 @@ class Phases(RoundCusps):
         since, times = self._begun
         self._begun = self._t, times + 1 if since == self._t else 1
         if self._begun[1] > AT_ONCE:
-            joints = {name for x in self.joined.happenings[-AT_ONCE:] for name in x.joints}
+            names = {name for x in self.joined.happenings[-AT_ONCE:] for name in x.joints}
+            joints = names or {row.part.joint for row in self._rows.rows}
             raise SimulationError(
                 f"at t = {self._t:.6g} s the phases of {', '.join(sorted(joints))} follow each other without "
                 "end: neither of them lasts; take another step, or change a stop or a friction a little"
