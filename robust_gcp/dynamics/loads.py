@@ -103,6 +103,11 @@ def one_torque(
     return _Sum(constant, parts) if parts else constant
 
 
+def without_wrenches(torque: Torque | ArrayLike | None) -> Torque | ArrayLike | None:
+    """What `one_torque` made, without the wrenches in it."""
+    return torque.without_wrenches() if isinstance(torque, _Sum) else torque
+
+
 def _constant(mechanism: Mechanism, torque: ArrayLike) -> Array:
     """A torque that stays, (nv,), or an error that tells what else one may be."""
     try:
@@ -131,6 +136,9 @@ class _Sum:
         for part in self._parts:
             part(t, q, v, tau)
         return tau
+
+    def without_wrenches(self) -> _Sum:
+        return _Sum(self._constant, [part for part in self._parts if not isinstance(part, _FrameLoad)])
 
 
 class _JointFunction:

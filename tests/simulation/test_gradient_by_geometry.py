@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.dynamics.torque_feedback import AppliedSlopes
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.simulation.derivatives import reverse_sweep
 from robust_gcp.simulation.derivatives.at_states import AtStates
@@ -160,6 +161,31 @@ def test_accelerations_and_steps(name: str, native: bool, monkeypatch: pytest.Mo
             exact = sum(w * (function(i * step) - function(-i * step)) for i, w in enumerate(TENTH, 1)) / step
             size = np.abs(by if function is quick else after).max()
             np.testing.assert_allclose(found, exact, rtol=0, atol=1e-8 * size, err_msg=parameter)
+
+
+@pytest.mark.parametrize("reference", ["world", "local"])
+@pytest.mark.parametrize("hold", [False, True])
+def test_wrenches_go_with_their_frames(reference: Any, hold: bool) -> None:
+    """Levers of forces change with lengths; beside torques that are given, their slopes or neither."""
+    mech, u, name = rg.load("crank_rocker"), [2.0], "coupler_tip.placement.y"
+    push = rg.Wrench("coupler_tip", lambda t, q, v: [0.0, 3.0, 7.0 + v[2], 2.0, 0.0, 0.0], reference)
+
+    def run(by: float) -> rg.Trajectory:
+        of = moved(mech, name, by)
+        home = of.assemble(mech.home, hold=mech.independent)
+        push_on = {"torque": feedback, "wrenches": [push], "hold": hold}
+        return rg.simulate(of, home, of.lift(home, u), duration=0.06, step=5e-3, **push_on)
+
+    exact = slope(lambda s: run(s).q[-1, 2], 2e-3)
+    cost = rg.Cost(lambda q, v: q[2])
+    ways: list[dict[str, Any]] = [
+        {},
+        {"torque": feedback},
+        {"torque_slopes": AppliedSlopes(mech, feedback, None)},
+    ]
+    for options in ways:
+        found = rg.gradient(run(0.0), cost, parameters=[name], **options).parameters[name]
+        assert found == pytest.approx(exact, rel=1e-7)
 
 
 def test_the_length_of_a_link() -> None:

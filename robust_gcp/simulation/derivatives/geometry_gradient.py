@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...checks import is_table
-from ...dynamics.loads import one_torque
+from ...dynamics.loads import Wrench, one_torque, without_wrenches
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.motion import Motion
-from ...dynamics.torque_feedback import TorqueSlopes
+from ...dynamics.torque_feedback import TorqueSlopes, slopes_of_all
 from ...errors import OptionError, SimulationError
 from ...mechanism.building.variable_geometry import MARK, Varied, is_geometry, varied
 from ...mechanism.constraint.closures import Closure
@@ -40,20 +40,22 @@ def by_geometry(
     ------
     OptionError
         As `gradient`; where loops do not stay closed, or modes that the run went through do not cross, when a
-        placement changes; for actuators, and for wrenches where `torque` is left out.
+        placement changes; for actuators.
     """
     mech = trajectory.mechanism
     wide = varied(mech, [name for name in parameters if is_geometry(name)])
     wide.require_closed(trajectory.q[[0, len(trajectory.t) // 2, -1]])
     _require_no_crossing(wide, trajectory)
     acted = Acted() if trajectory.acted is None else trajectory.acted
-    run = _run(wide, trajectory, acted)
-    given = None
+    rows, given = is_table(torque), None
+    run = _run(wide, trajectory, acted, rows)
     if torque is not None:
-        rows = is_table(torque)
         one = checked_torques(mech, torque, len(trajectory.t) - 1) if rows else one_torque(mech, torque)
-        given = torque_of_all(wide, one)
-    slopes = None if torque_slopes is None else _torque_slopes(wide, torque_slopes)
+        given = torque_of_all(wide, one, () if rows else acted.wrenches)
+    slopes = None
+    if torque_slopes is not None:
+        wrenches = [_pushing(wide, wrench) for wrench in acted.wrenches]
+        slopes = slopes_of_all(wide.mechanism, _torque_slopes(wide, torque_slopes), wrenches)
     start = None if mode is None else wide.v(mech.velocity(mode, "mode"))
     rest = [name for name in parameters if not is_geometry(name)]
     with beside_singular(wide, "gradient"):
@@ -85,7 +87,7 @@ def beside_singular(wide: Varied, what: str) -> Iterator[None]:
         raise
 
 
-def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
+def _run(wide: Varied, run: Trajectory, acted: Acted, in_rows: bool) -> Trajectory:
     """The run in the coordinates of the mechanism that can change."""
     if isinstance(acted.torque, Actuated) or run.u is not None:
         raise OptionError(
@@ -96,6 +98,9 @@ def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
     still = {name: Motion(0.0) for name in wide.names}
     motions = {**acted.motions, **still} if acted.motions else {}
     changes = [(t, (*names, *wide.names)) for t, names in run.stats.repartitions]
+    pushes = acted.wrenches if callable(acted.torque) else ()  # else part of what was held
+    total = torque_of_all(wide, without_wrenches(acted.torque), pushes)
+    wrenches = acted.wrenches if in_rows else ()  # for the refusal of a table beside them
     return Trajectory(
         wide.mechanism,
         run.t,
@@ -103,19 +108,32 @@ def _run(wide: Varied, run: Trajectory, acted: Acted) -> Trajectory:
         wide.v(run.v),
         crossings=run.crossings,
         stats=replace(run.stats, repartitions=changes),
-        acted=replace(acted, torque=torque_of_all(wide, acted.torque), held=held, motions=motions),
+        acted=replace(acted, torque=total, wrenches=wrenches, held=held, motions=motions),
     )
 
 
-def torque_of_all(wide: Varied, torque: Any) -> Any:
-    """A torque of the mechanism as it is: a constant, a function or None."""
-    if not callable(torque):
+def torque_of_all(wide: Varied, torque: Any, wrenches: Sequence[Wrench] = ()) -> Any:
+    """A torque of the mechanism as it is: a constant, a function or None; wrenches go with the frames."""
+    if not callable(torque) and not wrenches:
         return None if torque is None else wide.v(np.asarray(torque, dtype=float))
+    pushes: Any = one_torque(wide.mechanism, None, [_pushing(wide, wrench) for wrench in wrenches])
 
     def of_all(t: float, q: Array, v: Array) -> Array:
-        return wide.v(np.asarray(torque(t, q[wide.iq], v[wide.iv]), dtype=float))
+        own = torque(t, q[wide.iq], v[wide.iv]) if callable(torque) else torque
+        tau = np.zeros(len(wide.iv)) if own is None else np.array(own, dtype=float)
+        if wrenches:  # what they do to the placements, which are held, moves nothing
+            tau += pushes(t, q, v)[wide.iv]
+        return wide.v(tau)
 
     return of_all
+
+
+def _pushing(wide: Varied, wrench: Wrench) -> Wrench:
+    """The same wrench on the mechanism that can change; its function is handed states of the one that is."""
+    given = wrench.force
+    if not callable(given):
+        return wrench
+    return replace(wrench, force=lambda t, q, v: given(t, q[wide.iq], v[wide.iv]))
 
 
 def _torque_slopes(wide: Varied, slopes: TorqueSlopes) -> TorqueSlopes:

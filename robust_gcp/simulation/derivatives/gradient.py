@@ -91,16 +91,17 @@ def gradient(
     if not isinstance(cost, Cost):
         raise OptionError(f"gradient: cost = {shown(cost)} is no Cost; give rg.Cost(terminal, running)")
     check_callable("torque_slopes", torque_slopes, "(t, q, v)")
-    if trajectory.acted is not None:
-        torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     mode = require_steps(trajectory, mode, "gradient")
     parts = in_parts(trajectory.mechanism, parameters)
     names = list(dict.fromkeys(name for part in parts for name in part))
+    moved = any(is_geometry(name) for name in names)
+    if trajectory.acted is not None and not moved:  # else they change with the placements
+        torque_slopes = slopes_of_all(trajectory.mechanism, torque_slopes, trajectory.acted.wrenches)
     if trajectory.dissipated is not None:
         from ..phases.gradient import pulled  # loaded where it is used
 
         return pulled(trajectory, cost, torque, names, torque_slopes, mode)
-    if any(is_geometry(name) for name in names):
+    if moved:
         from .geometry_gradient import by_geometry  # loaded where it is used
 
         found = by_geometry(trajectory, cost, torque, names, torque_slopes, mode)
