@@ -10,6 +10,7 @@ import pinocchio as pin
 from ..checks import hint, listed, shown
 from ..errors import OptionError
 from ..mechanism.forces.forces import JointDamper, JointSpring, PointSpring
+from ..mechanism.forces.lifted_weights import GravityCompensation
 from ..mechanism.forces.point_springs import Lines
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.joints import OF_MOMENTS, in_v
@@ -117,7 +118,8 @@ class Parameters:
         for i, k in self.armature:
             moved[k, i] = -a[k]
         for i, k in self.gravity:
-            moved[:, i] = -_weight(mechanism, q, k)
+            lifts = (lift.along(mechanism, q, k) for lift in lifts_of(mechanism))
+            moved[:, i] = sum(lifts, -_weight(mechanism, q, k))
         for i, (what, force) in self.forces:
             at, by = torques_by(mechanism, what, force, q[None], v[None])
             moved[at, i] = by[0]
@@ -139,6 +141,11 @@ def _weight(mechanism: Mechanism, q: Array, axis: int) -> Array:
 
     model: pin.Model = mechanism.memo.once(("gravity along", axis), made)
     return np.array(pin.computeGeneralizedGravity(model, workspace(model), q))
+
+
+def lifts_of(mechanism: Mechanism) -> list[GravityCompensation]:
+    """What of the forces changes with gravity."""
+    return [force for force in mechanism.forces if isinstance(force, GravityCompensation)]
 
 
 def torques_by(mechanism: Mechanism, what: str, force: Numbered, q: Array, v: Array) -> tuple[slice, Array]:

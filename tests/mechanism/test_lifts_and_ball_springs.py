@@ -11,6 +11,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.mechanism.differences import torque_differences
+from robust_gcp.simulation.derivatives import reverse_sweep
 from tests.io.drives import Beside, differences
 
 XML = """<mujoco model="lifted"><compiler angle="radian"/>
@@ -113,6 +114,28 @@ def test_derivatives_and_gradients_know_them() -> None:
     run = rg.simulate(mech, q, v, duration=0.02, step=1e-3)
     slope = rg.gradient(run, rg.Cost(terminal=lambda q, v: float(v @ v))).dv[0]
     assert slope == pytest.approx((end(v[0] + h) - end(v[0] - h)) / (2.0 * h), rel=1e-7)
+
+
+@pytest.mark.parametrize("native", [True, False])
+def test_gravity_as_a_parameter_changes_what_is_lifted(native: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if not native:
+        monkeypatch.setattr(reverse_sweep, "kernel_of", lambda *_: None)
+    plain = rg.load("crank_rocker")
+    lift, cost = rg.GravityCompensation({"q2": (1.5, (0.0, 0.3, 0.0))}), rg.Cost(lambda q, v: float(q[2]))
+
+    def under(more: float) -> rg.Trajectory:
+        model = plain.model.copy()
+        model.gravity.linear = model.gravity.linear + more * np.eye(3)[2]
+        home = plain.home
+        mech = rg.Mechanism.from_pinocchio(model, plain.closures, plain.independent, home, forces=[lift])
+        return rg.simulate(mech, home, mech.lift(home, [2.0]), 0.05, 5e-3, record="a")
+
+    run, after, before = under(0.0), under(1e-3), under(-1e-3)
+    found = rg.gradient(run, cost, parameters=["gravity.z"]).parameters["gravity.z"]
+    assert found == pytest.approx((after.q[-1, 2] - before.q[-1, 2]) / 2e-3, rel=1e-6)
+    by = rg.by_parameters(run.mechanism, run.q[0], run.v[0], parameters=["gravity.z"])
+    assert after.a is not None and before.a is not None
+    assert by[0, 0] == pytest.approx((after.a[0, 0] - before.a[0, 0]) / 2e-3, rel=1e-9)
 
 
 def test_what_is_wholly_lifted_stays_where_it_is() -> None:

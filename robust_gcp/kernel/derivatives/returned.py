@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from ...dynamics.derivatives import Accelerations, Derivatives
 from ...dynamics.discrete import STAGES
-from ...dynamics.parameters import Parameters, torques_by
+from ...dynamics.parameters import Parameters, lifts_of, torques_by
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..dynamics.measures import weighed
@@ -142,6 +142,9 @@ def by_parameters(mechanism: Mechanism, parameters: Parameters, stages: Stages, 
             by[i] = -found[0][joint] @ share
         for i, k in parameters.gravity:
             by[i] = -found[1][k]
+            for lift in lifts_of(mechanism):
+                along = (lift.along(mechanism, q, k) for q in stages.q)
+                by[i] += sum(map(np.dot, weights, along))
     for i, k in parameters.armature:
         by[i] = -weights[:, k] @ stages.a[:, k]
     for i, (what, force) in parameters.forces:

@@ -64,6 +64,17 @@ class GravityCompensation(Force):
         by_q = np.array(pin.computeGeneralizedGravityDerivatives(model, workspace(model), q))
         return by_q, np.zeros_like(by_q)
 
+    def along(self, mechanism: Mechanism, q: Array, axis: int) -> Array:
+        """∂τ/∂g along an axis of the world, (nv,)."""
+
+        def made() -> pin.Model:
+            model = self._lifted(mechanism).copy()
+            model.gravity.linear = np.eye(3)[axis]
+            return model
+
+        model: pin.Model = mechanism.memo.once(("lifted along", axis, self.weights), made)
+        return np.array(pin.computeGeneralizedGravity(model, workspace(model), q))
+
     def _lifted(self, mechanism: Mechanism) -> pin.Model:
         """The tree, with these masses alone."""
 
