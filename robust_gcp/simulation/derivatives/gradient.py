@@ -54,7 +54,7 @@ def gradient(
     """Derivatives of a cost by the start, the torques and parameters, exact for the steps that were taken.
 
     Through singular configurations, impacts, holds and releases too. The run has an output at every step; the
-    start is its first output.
+    start is its first output, and the time of its end is held, also where a terminal event ended it.
 
     Parameters
     ----------
