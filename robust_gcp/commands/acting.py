@@ -40,7 +40,10 @@ def add_acting(add_to: Arguments) -> None:
 def named_number(text: str) -> tuple[str, float]:
     """Read NAME=NUMBER."""
     name, value = _halves(text)
-    return name, number(value)
+    try:
+        return name, number(value)
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{value!r} of {text!r} is no number") from error
 
 
 def named_path(text: str) -> tuple[str, Path]:

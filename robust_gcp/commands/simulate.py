@@ -66,8 +66,8 @@ def arguments(add_to: Arguments) -> None:
     text = "step of rk4, else spacing of the output, s; default: the model's, else 1e-3"
     add_to.add("--step", positive, type=number, metavar="S", help=text)
     add_to.add("--method", choices=METHODS, default=METHODS[0], help=f"explicit map; {DEFAULT}")
-    text = f"Newton's start for --method classical; {DEFAULT}"
-    add_to.add("--newton-start", choices=("previous", "tangent"), default="tangent", help=text)
+    text = "Newton's start for --method classical; default: tangent"
+    add_to.add("--newton-start", choices=("previous", "tangent"), help=text)
     add_to.add("--stepper", choices=("rk4", *SCIPY_STEPPERS), default="rk4", help=DEFAULT)
     text = f"of the adaptive steppers; {DEFAULT}"
     add_to.add("--rtol", positive, type=number, default=1e-8, metavar="R", help=text)
@@ -100,8 +100,8 @@ def _output(add_to: Arguments) -> None:
     add_to.add("--over", part, metavar="NAME", help="the column that --plot draws over; default: time")
     text = "write the motion as an animation: a .gif file, or a .mp4 file where ffmpeg is installed"
     add_to.add("--animate", file((".gif", ".mp4"), "an animation"), type=pathname, metavar="FILE", help=text)
-    text = f"seconds of the motion in a second of --animate; {DEFAULT}"
-    add_to.add("--speed", positive, type=number, default=1.0, metavar="X", help=text)
+    text = "seconds of the motion in a second of --animate; default: 1"
+    add_to.add("--speed", positive, type=number, metavar="X", help=text)
     text = "write the motion as a web page: a .html file"
     add_to.add("--replay", file((".html", ".htm"), "a replay"), type=pathname, metavar="FILE", help=text)
     text = "frames whose paths the replay draws; default: the first closure's"
@@ -123,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
         tell(str(stop))
         tell(f"simulated until t = {trajectory.t[-1]:.6g} s ({len(trajectory.t)} rows)")
     elif not args.json:
-        newton = f", Newton from {args.newton_start}" if args.method == "classical" else ""
+        newton = f", Newton from {_newton_start(args)}" if args.method == "classical" else ""
         spacing = mechanism.recommended.run(args.duration, args.step)[1]
         taken = trajectory.stats.stepper, trajectory.stats.step or spacing
         tell(f"{mechanism!r}\nmethod {args.method}{newton}; {taken[0]}, step {taken[1]:g} s\n")
@@ -141,6 +141,10 @@ def _require(args: argparse.Namespace, mechanism: Mechanism) -> None:
     for option in ("columns", "over"):
         if getattr(args, option) is not None and args.plot is None:
             raise OptionError(f"--{option} goes with --plot FILE, which draws it")
+    if args.speed is not None and args.animate is None:
+        raise OptionError("--speed goes with --animate FILE, whose speed it is")
+    if args.newton_start is not None and args.method != "classical":
+        raise OptionError(f"--newton-start goes with --method classical, not {args.method}")
     if args.plot is not None or args.animate is not None:
         from ..drawing.figures.style import require_matplotlib
 
@@ -191,7 +195,7 @@ def _simulated(args: argparse.Namespace, mechanism: Mechanism) -> tuple[Trajecto
                 rtol=args.rtol,
                 atol=args.atol,
                 on_toggle=args.on_toggle,
-                newton_start=args.newton_start,
+                newton_start=_newton_start(args),
                 progress=progress,
                 backend=args.backend,
             )
@@ -200,6 +204,10 @@ def _simulated(args: argparse.Namespace, mechanism: Mechanism) -> tuple[Trajecto
                 raise
             return error.trajectory, error
     return trajectory, None
+
+
+def _newton_start(args: argparse.Namespace) -> Any:
+    return args.newton_start or "tangent"
 
 
 def _recorded(args: argparse.Namespace) -> list[str]:
@@ -233,7 +241,7 @@ def _write(args: argparse.Namespace, trajectory: Trajectory, tell: Callable[[str
             "drew",
             lambda path: trajectory.plot(args.columns or usual, path, x=args.over),
         ),
-        (args.animate, "drawing", "drew", lambda path: trajectory.animate(path, speed=args.speed)),
+        (args.animate, "drawing", "drew", lambda path: trajectory.animate(path, speed=args.speed or 1.0)),
         (args.replay, "writing", "wrote", replayed),
     )
     written = []

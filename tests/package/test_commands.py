@@ -73,6 +73,12 @@ def test_words_that_are_not_understood_exit_with_2(given: list[str], capsys: Cap
     assert len(told.splitlines()) <= 4  # the usage does not bury what is wrong
 
 
+def test_a_value_by_name_that_is_no_number_is_shown(capsys: Capture) -> None:
+    with pytest.raises(SystemExit):
+        main(["simulate", "rhombus", "--torque", "q1=a"])
+    assert "--torque: 'a' of 'q1=a' is no number" in capsys.readouterr().err
+
+
 # --------------------------------------------------------------------------- simulate
 
 
@@ -185,6 +191,10 @@ def test_a_run_that_stops_tells_how_far_and_keeps_the_rows(tmp_path: Path, capsy
         ("simulate rhombus --q0 nan 0 0", "q0"),
         ("simulate rhombus --record a,speed", "record = 'speed' is unknown"),
         ("simulate rhombus --plot motion.jpg", "a figure is a .png or a .pdf file"),
+        ("simulate rhombus --speed 2", "--speed goes with --animate"),
+        ("simulate rhombus --newton-start previous", "--newton-start goes with --method classical"),
+        ("export rhombus r.rgcp --fmi 3", "--fmi goes with a unit for co-simulation"),
+        ("export rhombus r.c --step 1e-3", "--step goes with a unit for co-simulation"),
         ("analyse rhombus --q 0 0", "q has shape (2,)"),
         ("analyse rhombus --q 0 0 1", "is open by"),
         ("analyse no/such/folder", "neither a folder with robot.yaml or one robot"),
