@@ -206,10 +206,24 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
 
 
 def _take_parts(contents: FileContents, asked: _Asked) -> None:
-    """What acts as the caller asked is not left out."""
-    kinds = ["limits"] * asked.limits + ["dry friction"] * asked.friction
-    acting = [f"{kind} of {what}" for kind in kinds for what in ("joints", "tendons")]
-    contents.left_out = [part for part in contents.left_out if part.partition(" (")[0] not in acting]
+    """What acts as asked is not left out: no range without inside, no joint of several numbers."""
+    model = contents.model
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    single = [(n, j) for n, j in zip(model.names, model.joints, strict=True) if j.nq == j.nv == 1]
+    bounded = {n for n, j in single if low[j.idx_q] < high[j.idx_q]}
+    rubbing = {n for n, j in single if model.upperDryFrictionLimit[j.idx_v] > 0.0}
+    kinds = {"limits": bounded} if asked.limits else {}
+    kinds |= {"dry friction": rubbing} if asked.friction else {}
+    left = []
+    for part in contents.left_out:
+        what, _, names = part.partition(" (")
+        kind, _, of = what.partition(" of ")
+        if kind not in kinds or of not in ("joints", "tendons"):
+            left.append(part)
+        elif of == "joints":
+            listed = f", {names.removesuffix(')')}, "
+            left += named(what, [n for n in model.names if f", {n}, " in listed and n not in kinds[kind]])
+    contents.left_out = left
 
 
 def _mechanism(

@@ -58,6 +58,15 @@ def test_the_parts_of_a_file_act_where_they_are_asked_for(name: str, tmp_path: P
     assert free.q.max() > 0.7
 
 
+@pytest.mark.parametrize("upper", ["-0.4", "-0.5"])
+def test_a_range_without_inside_stops_nothing_and_is_told(upper: str, tmp_path: Path) -> None:
+    (tmp_path / "p.urdf").write_text(URDF.replace('upper="0.6"', f'upper="{upper}"'))
+    with pytest.warns(rg.ModelWarning, match=r"limits of joints \(q\)$"):
+        assert rg.load(tmp_path / "p.urdf", limits=True, friction=True).parts == PARTS[1:]
+    with pytest.raises(rg.ModelError, match="limits of joints"):
+        rg.load(tmp_path / "p.urdf", limits=True, friction=True, strict=True)
+
+
 @pytest.mark.parametrize("ratio", [0.05, 0.3, 0.72, 1.0, 1.3, 5.0])
 def test_limits_of_mjcf_bounce_as_soft_ones_tend_to(ratio: float) -> None:
     """δ̈ = −δ − 2 ζ δ̇ from δ̇ = 1 until its force vanishes, by SciPy; the way back is its inverse."""
