@@ -247,7 +247,7 @@ def _mechanism(
     given, guess = (home_of(own, key, model, path) for key in ("home", "guess"))
     guess = contents.pose() if guess is None else guess
     try:
-        loops, implied = without_unmoved_rows(ClosedLoops(model, contents.closures))
+        loops, implied = without_unmoved_rows(ClosedLoops(model, contents.closures, ROUNDED))
         if given is not None:
             home = given
             if loops.closure_residual(home) <= ROUNDED:

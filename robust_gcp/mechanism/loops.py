@@ -39,6 +39,8 @@ Kind = TypeVar("Kind", bound="ClosedLoops")
 class ClosedLoops:
     """A `pin.Model` and the closures that close its loops.
 
+    Rows that no joint moves are left out where they stay open by no more than `rounded`, rad or lengths.
+
     Attributes
     ----------
     own_model : pin.Model
@@ -61,7 +63,7 @@ class ClosedLoops:
         What was worked out once, by whoever needs it; `of_loops` is the same in all coordinates.
     """
 
-    def __init__(self, model: pin.Model, closures: Sequence[AnyClosure]) -> None:
+    def __init__(self, model: pin.Model, closures: Sequence[AnyClosure], rounded: float = STRUCTURAL) -> None:
         check_model(model)
         closures = closures_given(closures)
         require_depth_first(model)
@@ -82,7 +84,7 @@ class ClosedLoops:
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.implicit = without_zero_rows(
-            self.tree, self.closures, self.length, self.generic_configurations()
+            self.tree, self.closures, self.length, self.generic_configurations(), rounded
         )
         self.nc = len(self.implicit.rows)
 

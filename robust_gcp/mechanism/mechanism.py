@@ -20,7 +20,7 @@ from .actuation.paths import tendons_given
 from .assembly.keyframes import Keyframes, keyframes_of
 from .constraint.couplings import AnyClosure, closures_given
 from .constraint.pin_constraints import with_named_frames
-from .constraint.rounding import IMPLIED, without_unmoved_rows
+from .constraint.rounding import IMPLIED, ROUNDED, without_unmoved_rows
 from .contents import FileContents, named, tell_left_out
 from .coordinates.independent import best_at_home, require_determined
 from .facade import joint_names
@@ -224,7 +224,7 @@ class Mechanism(FromFiles):
         if loops is None:
             check_model(contents.model)
             model, closures = with_named_frames(contents.model, contents.closures)
-            loops, rounded = without_unmoved_rows(ClosedLoops(model, closures))
+            loops, rounded = without_unmoved_rows(ClosedLoops(model, closures, ROUNDED))
             left_out = named(IMPLIED, rounded)
             tell_left_out(left_out, name or str(model.name) or "from_pinocchio", strict=False)
         made = cls._over(loops, contents, independent, home, name or str(contents.model.name))

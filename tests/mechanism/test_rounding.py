@@ -42,6 +42,27 @@ def loaded(tmp_path: Path, text: str) -> rg.Mechanism:
     return rg.load(file)
 
 
+@pytest.mark.parametrize("apart", [1e-11, 1e-8, 1e-6])
+@pytest.mark.parametrize("turn", ["0 0 0", "0.3 0.5 -0.7"])
+def test_frames_that_rounding_leaves_apart_across_the_plane_close_in_any_plane(
+    apart: float, turn: str, tmp_path: Path
+) -> None:
+    """Axes are parallel to the last digit; what no joint moves is told, in an oblique plane too."""
+    exact = four_bar(RIGHT, "spherical").replace('<link name="base"/>', f"""<link name="ground"/>
+    <joint name="mount" type="fixed"><parent link="ground"/><child link="base"/><origin rpy="{turn}"/></joint>
+    <link name="base"/>""")  # fmt: skip
+    wanted = rg.simulate(loaded(tmp_path, exact), duration=0.3, step=1e-3)
+    with pytest.warns(rg.ModelWarning, match=r"that others imply up to rounding \(l_1 – l_2 \(1 of 3 rows\)"):
+        mech = loaded(tmp_path, exact.replace('xyz="0.8 0 0"', f'xyz="0.8 0 {apart}"'))
+    run = rg.simulate(mech, mech.assemble(wanted.q[0]), duration=0.3, step=1e-3)
+    assert (mech.nc, mech.m) == (2, 1)
+    assert run.closure_error().max() < 1e-13
+    assert np.ptp(run["q1"]) > 0.3
+    np.testing.assert_allclose(run.q, wanted.q, atol=1e-10)
+    with pytest.raises((rg.ClosureError, rg.ModelError), match=r"open by|stay .* apart"):
+        loaded(tmp_path, exact.replace('xyz="0.8 0 0"', 'xyz="0.8 0 0.001"'))
+
+
 @pytest.mark.parametrize("rpy", ["1.5708 0 0", "1.57080 0.00001 0", "1.570796 0 0"])
 def test_a_right_angle_of_few_digits_leaves_a_loop_its_freedom(rpy: str, tmp_path: Path) -> None:
     """It moves as the same loop with all digits does, but for that rounding."""

@@ -39,7 +39,8 @@ class ImplicitConstraint:
     Attributes
     ----------
     vanishing : dict of str to float
-        Rows that were left out although they move by more than rounding, and by how much, rad or lengths.
+        Rows that were left out although they move, or stay open, by more than rounding, and by how much, rad
+        or lengths.
     """
 
     vanishing: Mapping[str, float] = MappingProxyType({})
@@ -150,14 +151,18 @@ class ImplicitConstraint:
 
 
 def without_zero_rows(
-    tree: Tree, closures: Sequence[AnyClosure], length: float, configurations: Sequence[Array]
+    tree: Tree,
+    closures: Sequence[AnyClosure],
+    length: float,
+    configurations: Sequence[Array],
+    rounded: float = STRUCTURAL,
 ) -> ImplicitConstraint:
     """The constraint of the closures, less rows that vanish with their K at all of these configurations.
 
     Raises
     ------
     ModelError
-        Where such a row of K leaves frames apart that no joint can bring together.
+        Where such a row of K leaves frames apart that no joint can bring together, by more than `rounded`.
     """
     full = ImplicitConstraint(tree, closures)
     scale = np.where(full.is_length, length, 1.0)
@@ -168,7 +173,7 @@ def without_zero_rows(
         constant = full.residual() / scale
         moved = np.maximum(moved, np.max(np.abs(full.jacobian()), axis=1, initial=0.0) / scale)
     used = moved > STRUCTURAL
-    open_rows = np.flatnonzero(~used & (np.abs(constant) > STRUCTURAL))
+    open_rows = np.flatnonzero(~used & (np.abs(constant) > rounded))
     if len(open_rows):
         row = int(open_rows[0])
         raise ModelError(
@@ -178,8 +183,9 @@ def without_zero_rows(
             "shift or turn one of the two frames"
         )
     kept = ImplicitConstraint(tree, closures, np.flatnonzero(used))
+    left = np.maximum(moved, np.abs(constant))
     kept.vanishing = {
-        full.labels[row]: float(moved[row]) for row in np.flatnonzero(~used & (moved > CLOSED)).tolist()
+        full.labels[row]: float(left[row]) for row in np.flatnonzero(~used & (left > CLOSED)).tolist()
     }
     return kept
 

@@ -71,7 +71,10 @@ def _without(
 ) -> tuple[ClosedLoops, list[str]]:
     """Leave out rows that are rounding at these places, group by group; at `home` only what persists."""
     closures, told = list(loops.closures), list[str]()
-    grey = bool(loops.implicit.vanishing) or any(_is_grey(singular_values(loops, q)) for q in places)
+    values = [singular_values(loops, q) for q in places]
+    grey = bool(loops.implicit.vanishing) or any(map(_is_grey, values))
+    # in a plane that is oblique to the world no row vanishes by itself, but one depends on others
+    grey = grey or (home is None and all(loops.nc > numerical_rank(s, CLOSED) for s in values))
     for group in loop_groups(loops.own_model, loops.closures) if grey else ():
         inside = [i for i in group.closures if isinstance(closures[i], Closure)]
         members = [closures[i] for i in inside]
@@ -135,7 +138,7 @@ def _selected(
     rows of that size.
     """
     whole = [PartialClosure.of(c) for c in members if isinstance(c, Closure)]
-    part = ClosedLoops(loops.own_model, whole)
+    part = ClosedLoops(loops.own_model, whole, np.inf)
     size = _levers(part, whole, places)
     K = np.hstack([(part.K(q) / size[:, None] * loops.units)[:, velocities] for q in places])
     U, s, _ = np.linalg.svd(K, full_matrices=False)
@@ -144,7 +147,7 @@ def _selected(
     if loose < strict:
         rounding = max(rounding, float(s[loose] / s[0]))
     # without a clear gap below the rows that move it may be a linkage of very unequal links
-    if loose == 0 or rounding == 0.0 or (loose < strict and s[loose - 1] < GAP * s[loose]):
+    if loose == 0 or not 0.0 < rounding <= ROUNDED or (loose < strict and s[loose - 1] < GAP * s[loose]):
         return None
     if max(np.abs(U[:, loose:].T @ (part.phi(q) / size)).max(initial=0.0) for q in places) > LARGEST_GAP:
         return None
