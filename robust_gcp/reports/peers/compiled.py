@@ -92,6 +92,7 @@ def make() -> Path:
     for folder in build.headers(*HEADERS):
         command += ["-isystem", str(folder)]
     try:
+        wanted.parent.mkdir(parents=True, exist_ok=True)  # compiling takes minutes
         with tempfile.TemporaryDirectory() as scratch:
             made = Path(scratch) / wanted.name
             build.call([*command, "-shared", str(SOURCE), "-o", str(made)], [])
