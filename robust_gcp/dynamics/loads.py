@@ -105,7 +105,9 @@ def one_torque(
 
 def without_wrenches(torque: Torque | ArrayLike | None) -> Torque | ArrayLike | None:
     """What `one_torque` made, without the wrenches in it."""
-    return torque.without_wrenches() if isinstance(torque, _Sum) else torque
+    if not isinstance(torque, _Sum):
+        return torque
+    return _Sum(torque.constant, [part for part in torque.parts if not isinstance(part, _FrameLoad)])
 
 
 def _constant(mechanism: Mechanism, torque: ArrayLike) -> Array:
@@ -129,16 +131,13 @@ class _Sum:
     """τ = constant + all parts."""
 
     def __init__(self, constant: Array, parts: Sequence[_Part]) -> None:
-        self._constant, self._parts = constant, parts
+        self.constant, self.parts = constant, parts
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
-        tau = self._constant.copy()
-        for part in self._parts:
+        tau = self.constant.copy()
+        for part in self.parts:
             part(t, q, v, tau)
         return tau
-
-    def without_wrenches(self) -> _Sum:
-        return _Sum(self._constant, [part for part in self._parts if not isinstance(part, _FrameLoad)])
 
 
 class _JointFunction:

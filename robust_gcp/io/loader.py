@@ -13,14 +13,15 @@ from ..checks import hint, shown
 from ..errors import ModelError, OptionError, RobustGcpError, missing_file
 from ..mechanism.actuation.actuators import Actuator
 from ..mechanism.assembly.assembly import FEW_STARTS, MANY_STARTS
-from ..mechanism.assembly.ranges import tell_outside
+from ..mechanism.assembly.ranges import ranged, tell_outside
 from ..mechanism.constraint.rounding import IMPLIED, ROUNDED, without_rounded_rows, without_unmoved_rows
 from ..mechanism.contents import FileContents, check_base, named, tell_left_out
 from ..mechanism.coordinates.independent import regular_near
 from ..mechanism.loops import ClosedLoops
 from ..mechanism.mechanism import Mechanism
-from ..mechanism.parts import parts_of_file
+from ..mechanism.parts import parts_of_file, rubbing
 from ..mechanism.tolerances import NEARLY_CLOSED
+from ..mechanism.tree.joints import joints_of
 from .gepetto import joint_changes, with_changed_forces, with_joint_changes
 from .home import closed_home, with_coordinates
 from .own_block import (
@@ -208,12 +209,10 @@ def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
 def _take_parts(contents: FileContents, asked: _Asked) -> None:
     """What acts as asked is not left out: no range without inside, no joint of several numbers."""
     model = contents.model
-    low, high = model.lowerPositionLimit, model.upperPositionLimit
-    single = [(n, j) for n, j in zip(model.names, model.joints, strict=True) if j.nq == j.nv == 1]
-    bounded = {n for n, j in single if low[j.idx_q] < high[j.idx_q]}
-    rubbing = {n for n, j in single if model.upperDryFrictionLimit[j.idx_v] > 0.0}
-    kinds = {"limits": bounded} if asked.limits else {}
-    kinds |= {"dry friction": rubbing} if asked.friction else {}
+    joints = joints_of(model)
+    acting = {"limits": ranged(model, joints)} if asked.limits else {}
+    acting |= {"dry friction": rubbing(model, joints)} if asked.friction else {}
+    kinds = {kind: {joint.name for joint in found} for kind, found in acting.items()}
     left = []
     for part in contents.left_out:
         what, _, names = part.partition(" (")

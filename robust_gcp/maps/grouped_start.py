@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..mechanism.constraint.rank import opening
 from ..mechanism.coordinates.groups import Groups, groups_of
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
@@ -73,8 +74,7 @@ def _velocities_of_rest(groups: Groups, q: Array, v: Array) -> Array:
     rest, own, at = groups.rest, v[groups.rest_iv], q[groups.rest_iq]
     if broken_by(rest, at, own) is None or broken_by(groups.mechanism, q, v) is not None:
         return own
-    K, u = rest.scaled(rest.K(at)), own / rest.column_scale
-    own = rest.column_scale * (u - np.linalg.lstsq(K, K @ u)[0])
+    own = own - opening(rest, at, own)
     return own if broken_by(rest, at, own) is None else np.zeros(len(own))
 
 

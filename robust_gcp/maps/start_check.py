@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any, TypeGuard
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -163,9 +165,13 @@ def _refuse_coordinates_beside(mechanism: Mechanism, q: Array) -> None:
     )
 
 
+def _is_number(mode: ArrayLike | None) -> TypeGuard[int | np.integer[Any]]:
+    return isinstance(mode, int | np.integer) and not isinstance(mode, bool)
+
+
 def numbered(mode: ArrayLike | None, modes: int) -> int | None:
     """`mode` where it is the number of one of the modes, or None; an OptionError for a number of none."""
-    if isinstance(mode, bool | np.bool_) or not isinstance(mode, int | np.integer):
+    if not _is_number(mode):
         return None
     if not 0 <= mode < modes:
         raise OptionError(f"mode = {mode} names none of the {modes} modes at q0; they are numbered from 0")
@@ -174,11 +180,11 @@ def numbered(mode: ArrayLike | None, modes: int) -> int | None:
 
 def by_number(mechanism: Mechanism, q: Array, mode: ArrayLike | None) -> ArrayLike | None:
     """`mode` as it is, or its tangent where it is the number of one at q."""
-    if isinstance(mode, bool | np.bool_) or not isinstance(mode, int | np.integer):
+    if not _is_number(mode):
         return mode
     modes = analyse(mechanism, q).modes
-    number = numbered(mode, len(modes))
-    return mode if number is None else modes[number]
+    numbered(mode, len(modes))  # refuses a number of none
+    return modes[mode]
 
 
 def checked_mode(mechanism: Mechanism, mode: ArrayLike) -> Array:

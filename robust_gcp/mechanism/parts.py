@@ -11,10 +11,13 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+import pinocchio as pin
+
 from ..checks import check_callable, check_finite, check_number, check_text, listed, shown
 from ..errors import ModelError, OptionError
 from .assembly.ranges import ranges_of
 from .loops import ClosedLoops
+from .tree.joints import Joint
 
 
 @dataclass(frozen=True)
@@ -246,7 +249,13 @@ def parts_of_file(
             low, high = (bound if math.isfinite(bound) else None for bound in bounds)
             found.append(Stop(joint, lower=low, upper=high, restitution=bounce.get(joint, 0.0)))
     if friction:
-        rubbing = loops.own_model.upperDryFrictionLimit
-        single = [joint for joint in loops.joints if joint.single and rubbing[joint.idx_v] > 0.0]
-        found += [JointFriction(joint.name, float(rubbing[joint.idx_v])) for joint in single]
+        dry = loops.own_model.upperDryFrictionLimit
+        rubs = rubbing(loops.own_model, loops.joints)
+        found += [JointFriction(joint.name, float(dry[joint.idx_v])) for joint in rubs]
     return found
+
+
+def rubbing(model: pin.Model, joints: Sequence[Joint]) -> list[Joint]:
+    """Joints with one number that the model gives dry friction."""
+    dry = model.upperDryFrictionLimit
+    return [joint for joint in joints if joint.single and dry[joint.idx_v] > 0.0]

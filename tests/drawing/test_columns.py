@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from matplotlib.axes import Axes
 
 import robust_gcp as rg
 from robust_gcp.drawing.figures.motion import COLORS
-from robust_gcp.drawing.figures.panels import known_names
+from robust_gcp.drawing.figures.panels import known_names, units
 
 
 @pytest.fixture(scope="module")
@@ -205,3 +206,13 @@ def test_the_title_stands_above_the_names_of_constraint_forces(driven: rg.Trajec
     names, title = ax.get_legend(), ax._left_title  # type: ignore[attr-defined]
     assert names is not None and not names.get_window_extent().overlaps(title.get_window_extent())
     assert title.get_window_extent().y1 <= figure.bbox.height
+
+
+def test_the_unit_of_a_stop_is_that_of_the_joint_whose_whole_name_it_has() -> None:
+    model = pin.Model()
+    for name, joint in (("a", pin.JointModelPX()), ("a-b", pin.JointModelRX())):
+        at = model.addJoint(0, joint, pin.SE3.Identity(), name)
+        model.appendBodyToJoint(at, pin.Inertia.Random(), pin.SE3.Identity())
+    mech = rg.Mechanism.from_pinocchio(model, [], ["a", "a-b"])
+    known = units(mech, ["stop.a", "stop.a-b", "friction.a-a-b"])
+    assert [known[name][1] for name in ("stop.a", "stop.a-b", "friction.a-a-b")] == ["N", "N m", "N"]

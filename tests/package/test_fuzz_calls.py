@@ -196,7 +196,7 @@ def test_from_pinocchio(
         require_sane(mechanism)
 
 
-@pytest.mark.filterwarnings("ignore::robust_gcp.ModelWarning")  # rows that rounding leaves open are told
+@pytest.mark.filterwarnings("ignore:.*rows of loops that others imply up to rounding:robust_gcp.ModelWarning")
 @FUZZ
 @given(data=st.data())
 def test_models(data: st.DataObject, accepted: Accepted, require_sane: Sane) -> None:

@@ -73,8 +73,8 @@ def units(mechanism: Mechanism, parts: Sequence[str]) -> dict[str, tuple[str, st
     by_joint = {c.name: c.unit for c in components_of(mechanism.joints) if c.iq >= 0}
     for name in parts:
         quantity, _, joint = name.partition(".")
-        unit = next(by_joint[own] for own in by_joint if joint == own or joint.startswith(f"{own}-"))
-        found[name] = (quantity, "N" if unit == "m" else "N m")
+        first = max((own for own in by_joint if f"{joint}-".startswith(f"{own}-")), key=len)
+        found[name] = (quantity, "N" if by_joint[first] == "m" else "N m")
     for actuator in mechanism.actuators:
         found[f"actuator.{actuator.name}"] = ("actuator", _units_along(actuator.along, by_joint)[1])
         if actuator.dynamics != "none":

@@ -9,6 +9,7 @@ import numpy as np
 
 from ...checks import hint, shown
 from ...errors import ClosureError, ModelError
+from ..constraint.rank import opening
 from ..loops import ClosedLoops
 from ..tree.tree import Array
 from .assembly import assembled
@@ -71,12 +72,6 @@ def keyframes_of(loops: ClosedLoops, given: Iterable[tuple[str, Array]], v: Mapp
             except ClosureError:
                 closed = False
         if closed and loops.nc:
-            rates = rates - _opening(loops, q, rates)
+            rates = rates - opening(loops, q, rates)
         found[name] = Keyframe(q, rates, closed, float(left))
     return found
-
-
-def _opening(loops: ClosedLoops, q: Array, v: Array) -> Array:
-    """The least part of v without which K v = 0."""
-    K, scale = loops.scaled(loops.K(q)), loops.column_scale
-    return np.asarray(scale * np.linalg.lstsq(K, K @ (v / scale), rcond=1e-9)[0])

@@ -6,14 +6,16 @@ Nothing keeps a motion inside them; see `left_out`.
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 
 from ...errors import ClosureError, ModelWarning
 from ...warning import warn
 from ..loops import ClosedLoops
-from ..tree.joints import Array, Index
+from ..tree.joints import Array, Index, Joint
 from .assembly import FEW_STARTS, assembled, free_velocities
 
 log = logging.getLogger(__name__)
@@ -80,6 +82,12 @@ class Ranges(NamedTuple):
         return away, by_v
 
 
+def ranged(model: pin.Model, joints: Sequence[Joint]) -> list[Joint]:
+    """Joints with one number whose lower position limit is below the upper."""
+    low, high = model.lowerPositionLimit, model.upperPositionLimit
+    return [joint for joint in joints if joint.single and low[joint.idx_q] < high[joint.idx_q]]
+
+
 def ranges_of(loops: ClosedLoops) -> Ranges:
     """The ranges of the model's position limits, where the lower is below the upper."""
     model = loops.own_model
@@ -87,10 +95,8 @@ def ranges_of(loops: ClosedLoops) -> Ranges:
     low, high = np.where(lower > -WIDE, lower, -np.inf), np.where(upper < WIDE, upper, np.inf)
     kept = [
         joint
-        for joint in loops.joints
-        if joint.single
-        and lower[joint.idx_q] < upper[joint.idx_q]
-        and (np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q]))
+        for joint in ranged(model, loops.joints)
+        if np.isfinite(low[joint.idx_q]) or np.isfinite(high[joint.idx_q])
     ]
     iq = np.array([joint.idx_q for joint in kept], dtype=np.int64)
     iv = np.array([joint.idx_v for joint in kept], dtype=np.int64)

@@ -26,6 +26,12 @@ def motions(loops: ClosedLoops, q: Array) -> Array:
     return basis
 
 
+def opening(loops: ClosedLoops, q: Array, v: Array) -> Array:
+    """The least part of v (nv,) without which K v = 0."""
+    K, scale = loops.scaled(loops.K(q)), loops.column_scale
+    return np.asarray(scale * np.linalg.lstsq(K, K @ (v / scale), rcond=STRUCTURAL)[0])
+
+
 def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
     """The closed configuration a little way along a direction (nv,); None where the loops do not close."""
     size = np.abs(direction / loops.column_scale).max()
