@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
-import json
+import io
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from .. import OptionError
+from ..printing import write, write_json
 
 
 def marked(page: Path, names: Iterable[str]) -> list[str]:
@@ -70,15 +71,14 @@ def _marks(name: str) -> tuple[str, str]:
     return f"<!-- begin: {name} -->\n", f"<!-- end: {name} -->"
 
 
-def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> list[Path]:
-    """Write the records as stem.csv, one line each, and `whole` as stem.json; returns the paths."""
-    csv_path, json_path = stem.with_suffix(".csv"), stem.with_suffix(".json")
-    with csv_path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(records[0]) if records else [])
-        writer.writeheader()
-        writer.writerows(records)
-    json_path.write_text(json.dumps(whole, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    return [csv_path, json_path]
+def write_records(stem: Path, records: Sequence[Mapping[str, Any]], whole: Mapping[str, Any]) -> None:
+    """Write the records as stem.csv, one line each, and `whole` as stem.json."""
+    lines = io.StringIO()
+    writer = csv.DictWriter(lines, list(records[0]) if records else [])
+    writer.writeheader()
+    writer.writerows(records)
+    write(stem.with_suffix(".csv"), lines.getvalue())
+    write_json(stem.with_suffix(".json"), whole)
 
 
 def table(rows: Sequence[Sequence[str]], numbers: Sequence[int] = ()) -> str:

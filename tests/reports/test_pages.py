@@ -11,7 +11,7 @@ from robust_gcp.__main__ import main
 from robust_gcp.printing import write_json
 from robust_gcp.reports import growth, pages
 from robust_gcp.reports.stability.command import PAGE, families
-from robust_gcp.reports.work_precision import report
+from robust_gcp.reports.work_precision import command
 
 
 def marked(name: str, block: str) -> str:
@@ -103,5 +103,5 @@ def test_pages_that_could_not_be_renewed_are_told_before_the_work(
 def test_the_pages_of_this_checkout_can_be_renewed() -> None:
     root = Path(__file__).parents[2]
     pages.require_pages(root, growth.PAGES)
-    pages.require_pages(root, report.PAGES)
+    pages.require_pages(root, command.PAGES)
     pages.require_pages(root / "docs", {PAGE: families()})

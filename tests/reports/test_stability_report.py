@@ -45,9 +45,9 @@ STRIDES = [
 
 
 def test_csv_and_json_hold_every_cell(tmp_path: Path) -> None:
-    paths = report.write(tmp_path, CELLS, BOUNDS, STRIDES)
-    assert [p.name for p in paths] == ["stability.csv", "stability.json", "stability.md"]
-    with paths[0].open(encoding="utf-8", newline="") as file:
+    report.write_study(tmp_path, CELLS, BOUNDS, STRIDES)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["stability.csv", "stability.json", "stability.md"]
+    with (tmp_path / "stability.csv").open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["verdict"] for row in rows] == [c.verdict for c in CELLS]
     assert float(rows[0]["error"]) == CELLS[0].error
@@ -56,7 +56,7 @@ def test_csv_and_json_hold_every_cell(tmp_path: Path) -> None:
     def refuse(word: str) -> float:
         raise AssertionError(f"{word} is no JSON")
 
-    whole = json.loads(paths[1].read_text(encoding="utf-8"), parse_constant=refuse)
+    whole = json.loads((tmp_path / "stability.json").read_text(encoding="utf-8"), parse_constant=refuse)
     assert [c["reason"] for c in whole["cells"]] == [c.reason for c in CELLS]
     assert whole["bounds"][1]["real"] == -4
     assert whole["strides"][1]["mean"] is None

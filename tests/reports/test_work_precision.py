@@ -17,10 +17,10 @@ import robust_gcp as rg
 from robust_gcp.__main__ import main
 from robust_gcp.reports import machine
 from robust_gcp.reports.contender import Contender, Outcome, Scene
-from robust_gcp.reports.work_precision import command, floor, measure, ours, scenes, verdicts
-from robust_gcp.reports.work_precision.implicit import Equations, Implicit, TunedImplicit
+from robust_gcp.reports.work_precision import command, measure, ours, scenes, verdicts
 from robust_gcp.reports.work_precision.looks import Labels, looks
 from robust_gcp.reports.work_precision.measure import Judge, Point
+from robust_gcp.reports.work_precision.ours import Equations, Implicit, TunedImplicit
 from robust_gcp.reports.work_precision.references import Reference
 
 SMALL = ["bridge, RK4", "bridge, DOP853", "classical GCP, RK4", "KKT (2), RK4"]
@@ -105,15 +105,15 @@ def test_a_second_run_goes_on_from_the_first(folder: Path, monkeypatch: pytest.M
     """Nothing that is there is run again; what was cut off while being written is."""
     path = folder / "points.jsonl"
     whole = path.read_text(encoding="utf-8")
-    monkeypatch.setattr(command.report, "write", lambda *_: [])  # drawn once is enough
+    monkeypatch.setattr(command, "tell", lambda *_: None)  # drawn once is enough
     monkeypatch.setattr(ours.Ours, "run", lambda *_: pytest.fail("measured again"))
     monkeypatch.setattr(Implicit, "run", lambda *_: pytest.fail("measured again"))
-    monkeypatch.setattr(floor.Floor, "run", lambda *_: pytest.fail("measured again"))
+    monkeypatch.setattr(ours.Floor, "run", lambda *_: pytest.fail("measured again"))
     assert main(arguments(folder)) == 0
     assert path.read_text(encoding="utf-8") == whole
     monkeypatch.undo()
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
-    monkeypatch.setattr(command.report, "write", lambda *_: [])
+    monkeypatch.setattr(command, "tell", lambda *_: None)
     path.write_text(whole[: len(whole) - 40], encoding="utf-8")
     assert main(arguments(folder)) == 0
     again, before = path.read_text(encoding="utf-8").splitlines(), whole.splitlines()

@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
-from robust_gcp.reports.work_precision import benchmarks, floor, ours, reduced, references, scenes
+from robust_gcp.reports.work_precision import benchmarks, ours, reduced, references, scenes
 from robust_gcp.reports.work_precision.measure import Judge
 from robust_gcp.reports.work_precision.reduced import OneDof
 
@@ -139,7 +139,7 @@ def test_the_bridge_is_on_the_floor_through_every_crossing(name: str, crossings:
     found = next(c for c in ours.contenders(lambda _: np.zeros(0)) if c.name == "bridge, RK4").run(
         motion.scene, h
     )
-    exact = floor.Floor("rk4", motion.floor).run(motion.scene, h)
+    exact = ours.Floor("rk4", motion.floor).run(motion.scene, h)
     error, least = (judge.judge(outcome)["error"] for outcome in (found, exact))
     assert error == pytest.approx(least, rel=1e-3)
     scene = motion.scene
@@ -181,4 +181,4 @@ def test_robots_on_their_exact_motions(name: str) -> None:
     errors = [judge.judge(bridge.run(motion.scene, h / k))["error"] for k in (1, 2)]
     assert errors[0] < 2e-6
     assert np.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.2)
-    assert floor.Floor("rk4", motion.floor).refuses(motion.scene)
+    assert ours.Floor("rk4", motion.floor).refuses(motion.scene)

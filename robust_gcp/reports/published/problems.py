@@ -19,7 +19,7 @@ from ..contender import Scene
 from ..work_precision import scenes
 from ..work_precision.benchmarks import ANDREWS_JOINTS
 from ..work_precision.reduced import GRAVITY
-from ..work_precision.references import SLOW_CAP, SLOW_STEPS, Motion, times_of
+from ..work_precision.references import SLOW_CAP, SLOW_STEPS, Motion, of_pendulum, times_of
 
 CRANK = 0.007
 """Of Andrews' mechanism, m."""
@@ -55,7 +55,7 @@ def pendulum() -> Motion:
     )
     mechanism = Mechanism.from_pinocchio(model, [], ["theta"], home=np.array([np.pi]), name="pendulum")
     scene = Scene("pendulum", mechanism, mechanism.home, np.zeros(1), times_of(10.0))
-    return scenes.of_pendulum("simple pendulum (A01)", scene, 1.0, GRAVITY, np.ones(1))
+    return of_pendulum("simple pendulum (A01)", scene, 1.0, GRAVITY, np.ones(1))
 
 
 def _tip(mechanism: Mechanism, q: Array, v: Array) -> Array:

@@ -43,31 +43,27 @@ def run(args: argparse.Namespace) -> int:
     cells = judge_all([case for name in args.case or known for case in known[name](args.quick)])
     bounds = [measure(*system) for system in systems(args.quick).items()] if whole else []
     found = strides(args.quick) if whole else []
-    paths = report.write(args.out, cells, bounds, found)
-    paths += draw(args.out, cells, whole)
+    _tell(cells)
+    report.write_study(args.out, cells, bounds, found)
+    draw(args.out, cells, whole)
     if args.docs is not None:
         sections = report.blocks(cells, bounds, found)
         if not whole:  # of all families
             sections = {name: text for name, text in sections.items() if name not in ("summary", "reasons")}
         pages.refresh(args.docs / PAGE, sections)
-        paths += draw(args.docs / "figures", cells, whole)
+        draw(args.docs / "figures", cells, whole)
         readme = args.docs.parent / "README.md"
         if whole and readme.is_file():
             pages.refresh(readme, {"stability": report.sentence(cells)})
-    _tell(cells)
-    for path in paths:
-        print(f"wrote {path}")
     return 1 if report.count(cells)["wrong"] else 0
 
 
-def draw(folder: Path, cells: Sequence[Cell], whole: bool) -> list[Path]:
+def draw(folder: Path, cells: Sequence[Cell], whole: bool) -> None:
     """One map a family; the summary of a whole study."""
-    folder.mkdir(parents=True, exist_ok=True)
-    families = report.by_family(cells)
-    paths = [maps.draw_family(mine, folder / f"stability_{maps.slug(f)}.png") for f, mine in families.items()]
+    for family, mine in report.by_family(cells).items():
+        print(f"wrote {maps.draw_family(mine, folder / f'stability_{maps.slug(family)}.png')}")
     if whole:
-        paths.append(maps.draw_summary(cells, folder / "stability_summary.png"))
-    return paths
+        print(f"wrote {maps.draw_summary(cells, folder / 'stability_summary.png')}")
 
 
 def _tell(cells: Sequence[Cell]) -> None:

@@ -9,7 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from ...printing import finite
+from ...printing import finite, write
 from .. import pages
 from ..pages import table
 from .bound import Bound, Stride
@@ -41,11 +41,10 @@ def record(cell: Cell) -> dict[str, Any]:
     )
 
 
-def write(
+def write_study(
     folder: Path, cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]
-) -> list[Path]:
-    """Write stability.csv, stability.json and stability.md; returns the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
+) -> None:
+    """Write stability.csv, stability.json and stability.md."""
     records = [record(cell) for cell in cells]
     whole = {
         "cells": records,
@@ -53,13 +52,12 @@ def write(
             {"name": b.name, "real": b.eigenvalue.real, "imag": b.eigenvalue.imag,
              "predicted": b.predicted, "measured": b.measured} for b in bounds
         ],
-        "strides": [finite(vars(s)) for s in strides],
+        "strides": [vars(s) for s in strides],
     }  # fmt: skip
     sections = blocks(cells, bounds, strides)
     text = "\n\n".join(f"## {name}\n\n{block}" for name, block in sections.items())
-    page = folder / "stability.md"
-    page.write_text(f"# Stability\n\n{text}\n", encoding="utf-8")
-    return [*pages.write_records(folder / "stability", records, whole), page]
+    pages.write_records(folder / "stability", records, whole)
+    write(folder / "stability.md", f"# Stability\n\n{text}\n")
 
 
 def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]) -> dict[str, str]:

@@ -8,27 +8,46 @@ import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
 
 from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
-from ...printing import along
-from .. import pages
+from ...printing import along, write
+from .. import pages, peers
 from ..contender import Contender, Scene
-from ..machine import THREADS
+from ..machine import THREADS, footer
 from ..tools import tools
-from . import floor, report
-from .measure import Judge, Point, climb, settings_of
+from . import figures, verdicts
+from .measure import Judge, Point, Store, climb, settings_of
+from .ours import FLOOR, Floor
 from .references import Motion, Reference
 from .scenes import MOTIONS
-from .store import Store
 from .verdicts import OURS
 
 SCENES = tuple(MOTIONS)
 QUICK_SCENES = ("antiparallelogram", "crank_rocker")
 QUICK_STEPS, QUICK_TOLERANCES = (1, 2, 4, 8), (1e-5, 1e-8, 1e-11)
+
+MARK = "work-precision"
+"""The block that this study renews."""
+
+PAGES = {"README.md": [MARK], "docs/work-precision.md": [MARK]}
+"""Where it stands."""
+
+STORY = "antiparallelogram"
+"""The scene that pages show."""
+
+FIVE = (
+    "antiparallelogram",
+    "change point 4, 2, 3, 3",
+    "5 four-bars in a row (A02)",
+    "Bricard (A04)",
+    "delta robot (m = 3)",
+)
+"""Scenes of the table that README shows: two with crossings, three without."""
 
 
 @dataclass
@@ -72,7 +91,7 @@ class Study:
                     plan.append((motion, contender, settings))
                     if contender.family == OURS and motion.floor is not None:
                         compared[contender.stepper] = settings
-            plan += [(motion, floor.Floor(s, motion.floor), settings) for s, settings in compared.items()]
+            plan += [(motion, Floor(s, motion.floor), settings) for s, settings in compared.items()]
         for each in along(plan, "work-precision"):
             for point in self._points(*each):
                 self.store.add(point)
@@ -82,7 +101,7 @@ class Study:
         judge = Judge(motion.scene, self.reference(name))
         known = self.store.known(name, contender.name)
         cap = motion.cap if self.cap is None else self.cap
-        if contender.family != floor.FAMILY:
+        if contender.family != FLOOR:
             return climb(contender, motion, judge, settings, known, self.repeats, cap)
         reached = {
             p.setting
@@ -116,7 +135,7 @@ def arguments(add_to: Arguments) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure, print verdicts and table, write data and figures."""
     plots.require_matplotlib()
-    pages.require_pages(args.docs, report.PAGES)
+    pages.require_pages(args.docs, PAGES)
     if not any(name in os.environ for name in THREADS):
         return _single_threaded(args)
     scenes = args.scene or (QUICK_SCENES if args.quick else SCENES)
@@ -127,8 +146,7 @@ def run(args: argparse.Namespace) -> int:
         print(f"going on from {len(store.points)} points in {args.out}")
     study = Study(scenes, args.method, store, repeats, args.quick, args.cap)
     study.run()
-    for path in report.write(study, args.docs):
-        print(f"wrote {path}")
+    tell(study, args.docs)
     return 0
 
 
@@ -141,3 +159,49 @@ def _single_threaded(args: argparse.Namespace) -> int:
             values = given if isinstance(given, (list, tuple)) else [] if given is True else [given]
             command += [f"--{name}", *map(str, values)]
     return subprocess.run(command, env=os.environ | dict.fromkeys(THREADS, "1"), check=False).returncode
+
+
+def tell(study: Study, docs: Path | None) -> None:
+    """Print the tables, write everything."""
+    store, out = study.store, study.store.folder
+    foot = footer(store.header["machine"], store.header["begun"])
+    found = ((name, verdicts.curves_of(store.points.values(), name)) for name in study.motions)
+    curves = {name: known for name, known in found if known}
+    rows = {name: (study.motions[name].title, known, study.reference(name)) for name, known in curves.items()}
+    tables = [verdicts.ratios([*rows.values()]), verdicts.seconds([*rows.values()])]
+    print("\n".join([tables[0], "", tables[1], "", foot]))
+    for name, row in rows.items():
+        for suffix in plots.FORMATS:
+            print(f"wrote {figures.draw(*row, foot, out / f'work_precision_{name}{suffix}')}")
+    tuning = [f"- **{c.name}**: {c.tuning}" for c in study.contenders]
+    sections = {
+        "Contenders": [*tuning, *(f"- {sentence}" for sentence in peers.missing())],
+        "Contenders that do not run a scene, and why": [
+            f"- {name}: {'; '.join(reasons)}" for name, reasons in study.refused.items()
+        ],
+        "References": [f"- **{title}**: {r.source}; {r.accuracy:.0e}" for title, _, r in rows.values()],
+    }
+    told = [part for title, content in sections.items() for part in (f"## {title}", "\n".join(content))]
+    write(out / "report.md", "\n\n".join(["# Error against run time", foot, *tables, *told]) + "\n")
+    write(out / "table.md", f"{tables[0]}\n\n{foot}\n")
+    records = [point.record() for point in store.points.values()]
+    whole = store.header | {
+        "references": {title: {"source": r.source, "accuracy": r.accuracy} for title, _, r in rows.values()},
+        "contenders": {c.name: {"family": c.family, "tuning": c.tuning} for c in study.contenders},
+        "points": records,
+    }
+    pages.write_records(out / "points", records, whole)
+    if docs is not None:
+        if STORY in rows:
+            path = docs / "docs" / "figures" / f"work_precision_{STORY}.png"
+            print(f"wrote {figures.draw(*rows[STORY], foot, path, whole=False)}")
+        for page, shown in zip(PAGES, ([in_short(tables[0])], tables), strict=True):
+            pages.refresh(docs / page, {MARK: "\n\n".join([*shown, f"*Measured {foot}.*"])})
+
+
+def in_short(table: str) -> str:
+    """Of the table of all scenes the rows of `FIVE` that it has, as far as 1e-8."""
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines()]
+    head, named = rows[0], {row[1]: row for row in rows[2:] if len(row) > 1}
+    shown = [row[1:5] for row in (head, *(named[name] for name in FIVE if name in named))]
+    return pages.table(shown)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...drawing.figures import style as plots
-from . import floor
 from .looks import Labels, Look, looks, setting_text
 from .measure import Point
+from .ours import FLOOR, named
 from .references import Reference
 from .verdicts import OURS, Curves, order
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FLOOR: dict[str, Any] = {"color": "0.72", "linewidth": 5.0, "solid_capstyle": "round", "zorder": 2}
+FLOOR_LINE: dict[str, Any] = {"color": "0.72", "linewidth": 5.0, "solid_capstyle": "round", "zorder": 2}
 LOWEST, HIGHEST = 1e-17, 10.0
 """Edges of the error axes; failures stand at the upper one."""
 
@@ -112,10 +112,10 @@ def _edge(ax: Axes, point: Point, quantity: str) -> float:
 
 def _floor_line(ax: Axes, curve: Sequence[Point], curves: Curves, quantity: str) -> None:
     """The stepper's floor at the run times of ours."""
-    floors = {p.setting: p.error for p in curves.get(floor.name_of(curve[0].stepper), []) if p.good}
+    floors = {p.setting: p.error for p in curves.get(named(FLOOR, curve[0].stepper), []) if p.good}
     line = [(getattr(p, quantity), floors[p.setting]) for p in curve if p.good and p.setting in floors]
     if line:
-        ax.plot(*np.array(line).T, **FLOOR)
+        ax.plot(*np.array(line).T, **FLOOR_LINE)
 
 
 def _defect_panel(
@@ -152,7 +152,7 @@ def _handles(curves: Curves, styles: dict[str, Look], reference: Reference) -> l
         if lost:
             text += f", {lost}/{sum(p.timed for p in curves[name])} lost"
         handles.append(Line2D([], [], label=text, **style))
-    return [*handles, Line2D([], [], label="floor: same stepper, exact equation", **FLOOR)]
+    return [*handles, Line2D([], [], label="floor: same stepper, exact equation", **FLOOR_LINE)]
 
 
 def _laid_out(rows: int, height: float, handles: Sequence[Any], foot: str) -> tuple[Figure, list[list[Axes]]]:

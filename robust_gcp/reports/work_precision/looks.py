@@ -9,7 +9,7 @@ import numpy as np
 
 from ...drawing.figures.style import BLACK, BLUE, GREEN, ORANGE, PURPLE, SKY, VERMILLION
 from ...mechanism.tree.tree import Array
-from . import floor
+from .ours import FLOOR
 from .verdicts import OURS
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def looks(contenders: Sequence[tuple[str, str]]) -> dict[str, Look]:
     found: dict[str, Look] = {}
     counts: dict[str, int] = {}
     for name, family in contenders:
-        if family == floor.FAMILY:
+        if family == FLOOR:
             continue
         k = counts[family] = counts.get(family, -1) + 1
         strong, color = family == OURS, COLORS[family]

@@ -1,4 +1,4 @@
-"""The package's own methods as contenders: `simulate` with a method, a stepper and a backend."""
+"""The package's own methods as contenders: `simulate`, the implicit equations (2), and the floor."""
 
 from __future__ import annotations
 
@@ -9,16 +9,28 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ... import OptionError, SimulationError, backends, simulate
+from ... import Mechanism, OptionError, SimulationError, backends, simulate
 from ...maps.choice import Method
 from ...maps.classical import NewtonStart, SingularityWarning
 from ...maps.four_bar import draw_four_bar
+from ...mechanism.tolerances import STRUCTURAL
 from ...mechanism.tree.tree import Array
 from ..contender import Contender, Kind, Outcome, Scene, clock
-from .floor import named
-from .implicit import Implicit, TunedImplicit
+from ..stepping import stepped
+from .reduced import Reduced
 
 FIXED = "rk4"
+FLOOR = "floor"
+
+
+def named(what: str, stepper: str) -> str:
+    """With its stepper."""
+    return f"{what}, {'RK4' if stepper == FIXED else stepper}"
+
+
+def kind_of(stepper: str) -> Kind:
+    """What its settings mean."""
+    return "fixed" if stepper == FIXED else "adaptive"
 
 
 @dataclass
@@ -35,7 +47,7 @@ class Ours:
     kind: Kind = field(init=False)
 
     def __post_init__(self) -> None:
-        self.kind = "fixed" if self.stepper == FIXED else "adaptive"
+        self.kind = kind_of(self.stepper)
 
     def refuses(self, scene: Scene) -> str:
         """No loop: all methods are one; the closed form: planar four-bars only."""
@@ -87,6 +99,172 @@ def nearest(t: Array, times: Array) -> Array:
     after = np.clip(np.searchsorted(t, times), 1, len(t) - 1)
     return np.asarray(after - (times - t[after - 1] < t[after] - times))
 
+
+# --------------------------------------------------------------------------- the implicit equations
+
+RATES = (0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+"""What α = β is scanned over, in units of 1/(T/10): from slower than the motion to much faster."""
+
+LARGEST_SCANNED = 30
+
+SCAN_STEPS = 2
+"""Steps in each output interval during the scan."""
+
+
+class Equations:
+    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − β² φ] for the state (q, v); α and β in 1/s.
+
+    Solved directly into a matrix that is allocated once; by least norm where K has redundant rows
+    everywhere, or the matrix is singular. The mechanism has one number in q for each in v.
+    """
+
+    def __init__(self, mechanism: Mechanism, alpha: float, beta: float, redundant: bool) -> None:
+        n, c = mechanism.nv, mechanism.nc
+        self._mechanism, self._gains, self._redundant = mechanism, (2.0 * alpha, beta**2), redundant
+        self._matrix, self._right = np.zeros((n + c, n + c)), np.zeros(n + c)
+        self.calls = 0
+
+    def __call__(self, t: float, x: Array) -> Array:
+        """(v, a)."""
+        mechanism, tree, n = self._mechanism, self._mechanism.tree, self._mechanism.nv
+        q, v = x[:n], x[n:]
+        if not np.all(np.isfinite(x)):
+            raise SimulationError(f"not finite at t = {t:.6g} s")
+        self.calls += 1
+        matrix, right = self._matrix, self._right
+        tree.jacobians(q)
+        K = mechanism.implicit.jacobian()
+        residual = mechanism.implicit.residual() if any(self._gains) else None
+        matrix[n:, :n], matrix[:n, n:] = K, K.T
+        right[:n] = -tree.rnea(q, v, tree.zero)
+        right[n:] = mechanism.implicit.bias()
+        if residual is not None:
+            right[n:] -= self._gains[0] * (K @ v) + self._gains[1] * residual
+        if mechanism.applied is not None:
+            right[:n] += mechanism.applied.torque_at(q, v)[0]
+        matrix[:n, :n] = tree.crba(q)
+        return np.concatenate([v, self._solve()[:n]])
+
+    def _solve(self) -> Array:
+        if not self._redundant:
+            try:
+                solution = np.linalg.solve(self._matrix, self._right)
+            except np.linalg.LinAlgError:
+                pass
+            else:
+                if np.all(np.isfinite(solution)):
+                    return solution
+        least: Array = np.linalg.lstsq(self._matrix, self._right, rcond=STRUCTURAL)[0]
+        return least
+
+
+class Implicit:
+    """Eq. (2) in all joints of the tree, with fixed gains α, β of Baumgarte, 1/s."""
+
+    family = "implicit"
+
+    def __init__(self, name: str, stepper: str, gains: tuple[float, float] = (0.0, 0.0)) -> None:
+        self.name, self.stepper, self.kind, self._gains = name, stepper, kind_of(stepper), gains
+        self.tuning = "no stabilisation; direct solve, least norm where singular"
+        if any(gains):
+            equal = f"α = β = {gains[0]:g}/s (critically damped, the usual default)"
+            self.tuning = f"k − 2 α K v − β² φ with {equal}"
+
+    def refuses(self, scene: Scene) -> str:
+        """A tree has no closure to stabilise; joints with more numbers in q than in v are not covered."""
+        if scene.mechanism.nc == 0 and any(self._gains):
+            return "no loop: nothing to stabilise"
+        return "" if scene.mechanism.nq == scene.mechanism.nv else "q is no vector"
+
+    def gains(self, scene: Scene) -> tuple[float, float]:
+        """α and β, 1/s."""
+        return self._gains
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """The step in s, or rtol = atol."""
+        return self.run_with(scene, setting, self.gains(scene))
+
+    def run_with(self, scene: Scene, setting: float, gains: tuple[float, float]) -> Outcome:
+        """A run with the given gains."""
+        s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
+        rate = Equations(scene.mechanism, *gains, bool(np.any(s <= STRUCTURAL * s.max(initial=0.0))))
+        x, n = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv
+        states, seconds, stopped = stepped(rate, x, scene.times, self.stepper, setting)
+        return Outcome(states[:, :n], states[:, n:], seconds, rate.calls, stopped)
+
+
+class TunedImplicit(Implicit):
+    """Eq. (2) with the gains that err least on the very scene, whose q is exact(scene): found by a scan."""
+
+    def __init__(self, name: str, stepper: str, exact: Callable[[Scene], Array]) -> None:
+        super().__init__(name, stepper)
+        self._exact, self._best = exact, dict[str, tuple[float, float]]()
+        self.tuning = (
+            f"α = β scanned on each scene with RK4 over {RATES[0]:g} … {RATES[-1]:g} times 10/T, "
+            "the least path-wise error is taken"
+        )
+
+    def refuses(self, scene: Scene) -> str:
+        """As without tuning, and mechanisms whose scan would take longer than all else."""
+        if scene.mechanism.nc == 0:
+            return "no loop: nothing to stabilise"
+        if scene.mechanism.nv > LARGEST_SCANNED:
+            return f"gains are scanned on mechanisms of at most {LARGEST_SCANNED} joints"
+        return super().refuses(scene)
+
+    def gains(self, scene: Scene) -> tuple[float, float]:
+        """The best of the scan, kept for the scene."""
+        if scene.name not in self._best:
+            exact, scan = self._exact(scene), Implicit(self.name, "rk4")
+            step, unit = float(scene.times[1]) / SCAN_STEPS, 10.0 / float(scene.times[-1])
+
+            def error(gain: float) -> float:
+                q = scan.run_with(scene, step, (gain, gain)).q
+                return float(np.abs(q - exact).max()) if len(q) == len(exact) else np.inf
+
+            best = min((factor * unit for factor in RATES), key=error)
+            self._best[scene.name] = (best, best)
+        return self._best[scene.name]
+
+
+# --------------------------------------------------------------------------- the floor
+
+
+class Floor:
+    """A stepper on the exact reduced equations of a scene.
+
+    Its error is what is left when γ, G and g are exact: no method with this stepper, this setting and
+    these coordinates errs less but by luck. Its seconds are those of a few scalar operations.
+    """
+
+    family = FLOOR
+    tuning = "the stepper on the hand-written reduced equation"
+
+    def __init__(self, stepper: str, reduced: Reduced | None) -> None:
+        self.name, self.stepper, self.kind = named(FLOOR, stepper), stepper, kind_of(stepper)
+        self._reduced = reduced
+
+    def refuses(self, scene: Scene) -> str:
+        """Robots have no exact equation of their coordinates."""
+        return "" if self._reduced else "no exact equation of its coordinates is known"
+
+    def run(self, scene: Scene, setting: float) -> Outcome:
+        """The step in s, or rtol = atol."""
+        reduced, calls = self._reduced, [0]
+        assert reduced is not None  # see `refuses`
+
+        def rate(t: float, x: Array) -> Array:
+            calls[0] += 1
+            if not np.all(np.isfinite(x)):
+                raise SimulationError(f"not finite at t = {t:.6g} s")
+            return reduced.rate(t, x)
+
+        states, seconds, stopped = stepped(rate, reduced.x0, scene.times, self.stepper, setting)
+        q, v = (np.array(part) for part in zip(*map(reduced.read, states), strict=True))
+        return Outcome(q, v, seconds, calls[0], stopped)
+
+
+# --------------------------------------------------------------------------- all
 
 COMPILED = "bridge compiled, RK4"
 DEFAULTS = "no gains, no thresholds: the defaults"

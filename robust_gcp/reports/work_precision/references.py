@@ -8,14 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.optimize import newton
 
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
 from ...simulation.runs.steppers import adaptive
 from ..contender import Scene
+from . import reduced
 from .reduced import OneDof, Reduced
 
 OUTPUTS = 400
@@ -32,9 +35,6 @@ TIGHT, TIGHTEST = 3e-14, 1e-15
 
 QUADRATURE = 8
 """Gauss–Legendre nodes in each output interval."""
-
-CLOSED_FORM = "γ in closed form, Lagrange by hand"
-"""What four-bars are integrated from."""
 
 
 @dataclass(frozen=True)
@@ -67,48 +67,71 @@ def times_of(duration: float) -> Array:
 
 
 def integrate(
-    reduced: Reduced, times: Array, stepper: str = "DOP853", rtol: float = TIGHT, atol: float = TIGHTEST
+    system: Reduced, times: Array, stepper: str = "DOP853", rtol: float = TIGHT, atol: float = TIGHTEST
 ) -> tuple[Array, Array, Array]:
     """States, q and v at the times."""
-    states = [reduced.x0, *adaptive(stepper, reduced.rate, reduced.x0, times, rtol, atol)]
-    poses = [reduced.read(x) for x in states]
+    states = [system.x0, *adaptive(stepper, system.rate, system.x0, times, rtol, atol)]
+    poses = [system.read(x) for x in states]
     return np.array(states), np.array([q for q, _ in poses]), np.array([v for _, v in poses])
 
 
-def from_pendulum(
-    times: Array, start: tuple[float, float], A: float, B: float, turns: Array, reduced: Reduced
-) -> Reference:
-    """A pendulum A ÿ = −B cos y in Jacobi elliptic functions, against DOP853."""
-    y, ydot, _ = pendulum(times, *start, A, B)
-    q, v = np.outer(y, turns), np.outer(ydot, turns)
-    _, other, _ = integrate(reduced, times)
-    source = "pendulum in Jacobi elliptic functions; against DOP853 at rtol = 3e-14 on its equation"
-    return Reference(q, v, float(np.abs(q - other).max()), source)
+def of_pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
+    """A ÿ = −B cos y, the joints turning alike: in Jacobi elliptic functions, against DOP853."""
+    start = _start(scene)
+    floor = reduced.cranks(A, B, turns).start(*start)
+
+    def solve() -> Reference:
+        y, ydot, _ = pendulum(scene.times, *start, A, B)
+        q, v = np.outer(y, turns), np.outer(ydot, turns)
+        _, other, _ = integrate(floor, scene.times)
+        source = "pendulum in Jacobi elliptic functions; against DOP853 at rtol = 3e-14 on its equation"
+        return Reference(q, v, float(np.abs(q - other).max()), source)
+
+    return Motion(scene, title, floor, solve, **more)
 
 
-def from_energy(times: Array, system: OneDof, start: tuple[float, float], geometry: str) -> Reference:
+def of_energy(
+    title: str,
+    scene: Scene,
+    system: OneDof,
+    geometry: str = "γ in closed form, Lagrange by hand",
+    **more: Any,
+) -> Motion:
     """DOP853 on the hand-written equation, against the times of arrival by quadrature of the energy."""
-    states, q, v = integrate(system.start(*start), times)
-    late = arrival_times(system, states) - times
-    accuracy = float(np.abs(late[:, None] * v).max())
-    source = (
-        f"{geometry}, DOP853 at rtol = 3e-14; against t = ∫ √(m/2(E − V)) dy by Gauss–Legendre quadrature"
-    )
-    return Reference(q, v, accuracy, source)
+    floor = system.start(*_start(scene))
+
+    def solve() -> Reference:
+        states, q, v = integrate(floor, scene.times)
+        late = arrival_times(system, states) - scene.times
+        source = (
+            f"{geometry}, DOP853 at rtol = 3e-14; against t = ∫ √(m/2(E − V)) dy by Gauss–Legendre quadrature"
+        )
+        return Reference(q, v, float(np.abs(late[:, None] * v).max()), source)
+
+    return Motion(scene, title, floor, solve, **more)
 
 
-def from_two(
-    times: Array, first: Reduced, second: Reduced, what: tuple[str, str], scale: ArrayLike = 1.0,
-    stepper: str = "DOP853", rtol: float = TIGHT,
-) -> Reference:  # fmt: skip
+def of_two(
+    title: str, scene: Scene, first: Reduced, second: Reduced, what: tuple[str, str], floor: Reduced | None,
+    scale: ArrayLike = 1.0, stepper: str = "DOP853", rtol: float = TIGHT, **more: Any,
+) -> Motion:  # fmt: skip
     """DOP853 on one set of equations, against this stepper on another; differences in units of `scale`.
 
     `what` names both sets.
     """
-    _, q, v = integrate(first, times)
-    _, other, _ = integrate(second, times, stepper, rtol, rtol * 1e-2)
-    source = f"{what[0]}, DOP853 at rtol = {TIGHT:g}; against {stepper} at {rtol:g} on {what[1]}"
-    return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
+
+    def solve() -> Reference:
+        _, q, v = integrate(first, scene.times)
+        _, other, _ = integrate(second, scene.times, stepper, rtol, rtol * 1e-2)
+        source = f"{what[0]}, DOP853 at rtol = {TIGHT:g}; against {stepper} at {rtol:g} on {what[1]}"
+        return Reference(q, v, float((np.abs(q - other) / scale).max()), source)
+
+    return Motion(scene, title, floor, solve, **more)
+
+
+def _start(scene: Scene) -> tuple[float, float]:
+    """y and ẏ of a scene whose first joint is its coordinate."""
+    return float(scene.q0[0]), float(scene.v0[0])
 
 
 def arrival_times(system: OneDof, states: Array) -> Array:
@@ -161,11 +184,12 @@ def arrival_times(system: OneDof, states: Array) -> Array:
 def _turning(system: OneDof, energy: float, state: Array) -> float:
     """Where the potential energy is all of it, by Newton's method from the parabola of the last output."""
     y, ydot = map(float, state)
-    place = y + 0.5 * ydot**2 / -float(system.rate(0.0, state)[1])
-    for _ in range(30):
-        w = system.weights(place)
-        step = (w.potential - energy) / w.moment
-        place -= step
-        if abs(step) < 1e-15 * max(1.0, abs(place)):
-            break
-    return place
+    near = y + 0.5 * ydot**2 / -float(system.rate(0.0, state)[1])
+
+    def left(place: float) -> float:
+        return system.weights(place).potential - energy
+
+    def slope(place: float) -> float:
+        return system.weights(place).moment
+
+    return float(newton(left, near, slope, tol=1e-15, maxiter=30, disp=False))

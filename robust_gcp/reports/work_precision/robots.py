@@ -9,7 +9,7 @@ configuration.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import pinocchio as pin
@@ -19,32 +19,20 @@ from ...mechanism.tree.joints import JointKind
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
 from ..peers.parts import rigid_constraints
-from . import references
 from .reduced import GRAVITY, Reduced
-from .references import SLOW_CAP, SLOW_STEPS, Motion, Reference, times_of
+from .references import SLOW_CAP, SLOW_STEPS, Motion, of_two, times_of
 
 DURATION = 1.0
 """s"""
 
 
-class Spot:
-    """A place that moves with the points: weights @ X + offset; spots are added, subtracted and scaled."""
+Spot = Array
+"""A place that moves with the points: weights of the points and of the ends of x, y and z, (N + 3,)."""
 
-    def __init__(self, weights: Array, offset: Array) -> None:
-        self.weights, self.offset = weights, offset
 
-    def __add__(self, other: Spot) -> Spot:
-        return Spot(self.weights + other.weights, self.offset + other.offset)
-
-    def __sub__(self, other: Spot) -> Spot:
-        return self + (-1.0) * other
-
-    def __rmul__(self, scale: float) -> Spot:
-        return Spot(scale * self.weights, scale * self.offset)
-
-    def place_at(self, X: Array) -> Array:
-        """Where it is, (3,); of velocities, `weights @ V`."""
-        return self.weights @ X + self.offset
+def placed(X: Array) -> Array:
+    """Points and then x, y and z, (N + 3, 3), so that `spot @ placed(X)` is where a spot is."""
+    return np.vstack([X, np.eye(3)])
 
 
 @dataclass
@@ -52,39 +40,38 @@ class Points:
     """Rods and masses between spots, and pairs of differences of spots whose product stays as it is."""
 
     count: int
-    rods: list[tuple[float, Spot, Spot]]  # mass, kg, evenly spread from one spot to the other
-    masses: list[tuple[float, Spot]]  # kg
-    constant: list[tuple[Spot, Spot]]  # of two differences (a, b), whose a · b does not change
     # (X) -> (N, 3): what the springs pull with, N
     pull: Callable[[Array], Array]
-    markers: dict[str, Spot]  # frames of the mechanism, and where they are
-
-    def spots(self) -> list[Spot]:
-        """The points themselves."""
-        return [Spot(row, np.zeros(3)) for row in np.eye(self.count)]
+    rods: list[tuple[float, Spot, Spot]] = field(default_factory=list)  # kg, evenly spread between both
+    masses: list[tuple[float, Spot]] = field(default_factory=list)  # kg
+    constant: list[tuple[Spot, Spot]] = field(
+        default_factory=list
+    )  # differences (a, b); a · b does not change
+    markers: dict[str, Spot] = field(default_factory=dict)  # frames of the mechanism, and where they are
 
     def motion(self, X: Array, V: Array, read: Callable[[Array], tuple[Array, Array]]) -> Reduced:
         """ẍ of M ẍ = F + Kᵀ λ, K ẍ = −K̇ ẋ."""
-        n, c = 3 * self.count, len(self.constant)
-        inertia, weight = np.zeros((self.count, self.count)), np.zeros(self.count)
-        for mass, a, b in self.rods:
-            ends = np.array([a.weights, b.weights])
+        N, n, c = self.count, 3 * self.count, len(self.constant)
+        inertia, weight = np.zeros((N, N)), np.zeros(N)
+        for mass, *spots in self.rods:
+            ends = np.array(spots)[:, :N]
             inertia += mass / 6.0 * ends.T @ np.array([[2.0, 1.0], [1.0, 2.0]]) @ ends
-            weight += 0.5 * mass * (a.weights + b.weights)
+            weight += 0.5 * mass * ends.sum(axis=0)
         for mass, spot in self.masses:
-            inertia += mass * np.outer(spot.weights, spot.weights)
-            weight += mass * spot.weights
+            inertia += mass * np.outer(spot[:N], spot[:N])
+            weight += mass * spot[:N]
         matrix, right = np.zeros((n + c, n + c)), np.zeros(n + c)
         matrix[:n, :n] = np.kron(inertia, np.eye(3))
         down = np.outer(weight, [0.0, 0.0, -GRAVITY])
 
         def rate(t: float, x: Array) -> Array:
-            X, V = x.reshape(2, self.count, 3)
+            X, V = x.reshape(2, N, 3)
             right[:n] = (down + self.pull(X)).ravel()
+            places = placed(X)
             for i, (a, b) in enumerate(self.constant):
-                row = np.outer(a.weights, b.place_at(X)) + np.outer(b.weights, a.place_at(X))
+                row = np.outer(a[:N], b @ places) + np.outer(b[:N], a @ places)
                 matrix[n + i, :n] = matrix[:n, n + i] = row.ravel()
-                right[n + i] = -2.0 * (a.weights @ V) @ (b.weights @ V)
+                right[n + i] = -2.0 * (a[:N] @ V) @ (b[:N] @ V)
             return np.concatenate([V.ravel(), np.linalg.solve(matrix, right)[:n]])
 
         return Reduced(np.concatenate([X.ravel(), V.ravel()]), rate, read)
@@ -96,7 +83,8 @@ class Reader:
     def __init__(self, mechanism: Mechanism, points: Points) -> None:
         self._model, self._data = mechanism.own_model, mechanism.own_model.createData()
         self._frames = [self._model.getFrameId(name) for name in points.markers]
-        self._spots, self._q, self._count = list(points.markers.values()), mechanism.home, points.count
+        self._spots, self._q = np.array(list(points.markers.values())), mechanism.home
+        self._weights = self._spots[:, : points.count]
 
     def places(self, q: Array, v: Array) -> tuple[Array, Array]:
         """Of the frames, and their velocities."""
@@ -108,16 +96,14 @@ class Reader:
 
     def points(self, q: Array, v: Array) -> tuple[Array, Array]:
         """X and V of the points that are markers or follow from them, by least squares."""
-        weights = np.array([spot.weights for spot in self._spots])
         found, moving = self.places(q, v)
-        offsets = np.array([spot.offset for spot in self._spots])
-        solve = np.linalg.pinv(weights)
-        return solve @ (found - offsets), solve @ moving
+        solve = np.linalg.pinv(self._weights)
+        return solve @ (found - self._spots[:, -3:]), solve @ moving
 
     def __call__(self, x: Array) -> tuple[Array, Array]:
         """q and v of the points' x = (X, V), from the last ones."""
-        X, V = x.reshape(2, self._count, 3)
-        wanted = np.array([spot.place_at(X) for spot in self._spots])
+        X, V = x.reshape(2, -1, 3)
+        wanted = self._spots @ placed(X)
         for _ in range(12):
             found, _ = self.places(self._q, np.zeros(self._model.nv))
             J = self._jacobian(self._q)
@@ -125,8 +111,8 @@ class Reader:
             self._q = pin.integrate(self._model, self._q, step)
             if np.abs(step).max() < 1e-13:
                 break
-        moving = np.array([spot.weights @ V for spot in self._spots])
-        return self._q, np.linalg.lstsq(self._jacobian(self._q), moving.ravel(), rcond=None)[0]
+        moving = (self._weights @ V).ravel()
+        return self._q, np.linalg.lstsq(self._jacobian(self._q), moving, rcond=None)[0]
 
     def _jacobian(self, q: Array) -> Array:
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
@@ -168,11 +154,8 @@ def _motion(name: str, title: str, mechanism: Mechanism, v0: Array, points: Poin
     first = points.motion(*read.points(q0, v0), read)
     scene = Scene(name, mechanism, q0, v0, times_of(DURATION))
     what = "points with a constant mass matrix", "pin.constraintDynamics"
-
-    def solve() -> Reference:
-        return references.from_two(scene.times, first, constrained(mechanism, q0, v0), what)
-
-    return Motion(scene, title, None, solve, SLOW_STEPS, SLOW_CAP)
+    second = constrained(mechanism, q0, v0)
+    return of_two(title, scene, first, second, what, None, steps=SLOW_STEPS, cap=SLOW_CAP)
 
 
 def _spring(mechanism: Mechanism, joint: str) -> tuple[float, float]:
@@ -190,7 +173,7 @@ def delta() -> Motion:
     angles = 2.0 * np.pi * np.arange(3) / 3.0
     out = np.stack([np.cos(angles), np.sin(angles), np.zeros(3)], axis=1)
     along = np.stack([-np.sin(angles), np.cos(angles), np.zeros(3)], axis=1)
-    up, none = np.array([0.0, 0.0, 1.0]), np.zeros(6)
+    up = np.array([0.0, 0.0, 1.0])
     springs = [_spring(mechanism, f"arm{i + 1}") for i in range(3)]
 
     def pull(X: Array) -> Array:
@@ -201,16 +184,16 @@ def delta() -> Motion:
             force[i] = -stiffness * (turn - rest) * np.cross(along[i], reach) / (reach @ reach)
         return force
 
-    made = Points(6, [], [], [], pull, {})
-    spots = made.spots()
+    made, spots = Points(6, pull), np.eye(9)
     for i in range(3):
-        hip, elbow, plate = Spot(none, base * out[i]), spots[i], spots[3 + i]
+        tangent, elbow, plate = along[i] @ spots[6:], spots[i], spots[3 + i]
+        hip = base * out[i] @ spots[6:]
         made.rods.append((0.4, hip, elbow))
         made.masses.append((0.1, plate))
         edge = spots[3 + (i + 2) % 3] - spots[3 + (i + 1) % 3]  # against the tangent at the corner
-        made.constant += [(elbow - hip, elbow - hip), (elbow - hip, Spot(none, along[i])), (edge, edge)]
+        made.constant += [(elbow - hip, elbow - hip), (elbow - hip, tangent), (edge, edge)]
         for side, shift in (("a", half), ("b", -half)):
-            top = elbow + Spot(none, shift * along[i])
+            top = elbow + shift * tangent
             tip = plate + (-shift / (np.sqrt(3.0) * corner)) * edge
             made.rods.append((0.06, top, tip))
             made.constant.append((top - tip, top - tip))
@@ -225,27 +208,27 @@ def walker() -> Motion:
     """Hips 0 … 2, knees 3 … 6, feet 7 and 8; numbers of models/walker typed once more."""
     mechanism, names = load("walker", base="free"), ("left_front", "left_rear", "right_front", "right_rear")
     springs = [_spring(mechanism, f"hip_{name}") for name in names]
-    made = Points(9, [], [], [], lambda X: np.zeros((9, 3)), {})
-    spots = made.spots()
+    spots = np.eye(12)
     first, behind, right = spots[:3]
     hips = [first, behind, right, behind + right - first]
     ahead, across = first - behind, first - right
 
     def pull(X: Array) -> Array:
-        force = np.zeros((9, 3))
-        forward, left = ahead.place_at(X), across.place_at(X)
+        places, force = placed(X), np.zeros((9, 3))
+        forward, left = ahead @ places, across @ places
         axis = left / np.linalg.norm(left)
         up = np.cross(forward, axis)
         for i, (stiffness, rest) in enumerate(springs):
-            leg = (spots[3 + i] - hips[i]).place_at(X)
+            below = spots[3 + i] - hips[i]
+            leg = below @ places
             torque = -stiffness * (np.arctan2(-leg @ forward, -leg @ up) - rest)
             # a couple at the leg, and the opposite one at the trunk
             pair = torque * np.cross(axis, leg) / (leg @ leg)
-            force += np.outer((spots[3 + i] - hips[i]).weights, pair)
-            force -= np.outer(ahead.weights, torque * np.cross(axis, forward) / (forward @ forward))
+            force += np.outer(below[:9], pair)
+            force -= np.outer(ahead[:9], torque * np.cross(axis, forward) / (forward @ forward))
         return force
 
-    made.pull = pull
+    made = Points(9, pull)
     made.masses += [(1.0, hip) for hip in hips]
     made.constant += [(ahead, ahead), (across, across), (ahead, across)]
     for i, name in enumerate(names):

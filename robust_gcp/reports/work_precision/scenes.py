@@ -4,18 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
 
 import numpy as np
 
 from ... import Mechanism, load
 from ...examples.linkages import four_bar, n_four_bar
 from ...maps.pendulum import parallelogram_pendulum
-from ...mechanism.tree.tree import Array
 from ..contender import Scene
-from . import benchmarks, reduced, references, robots, users
+from . import benchmarks, reduced, robots, users
 from .reduced import GRAVITY
-from .references import SLOW_CAP, SLOW_STEPS, STEPS, Motion, times_of
+from .references import SLOW_CAP, SLOW_STEPS, STEPS, Motion, of_energy, of_pendulum, of_two, times_of
 
 
 def _scene(name: str, mechanism: Mechanism, ydot: float, duration: float) -> Scene:
@@ -42,18 +40,8 @@ PARALLELOGRAMS = {"rhombus": 1.0, "parallelogram": 2.0}
 def _four_bar(name: str) -> Motion:
     """γ in closed form, DOP853, the energy's quadrature."""
     title, lengths, assembly, (y, ydot), duration = FOUR_BARS[name]
-    system = reduced.four_bar(lengths, assembly)
     scene = _scene(name, four_bar(*lengths, y=y, assembly=assembly), ydot, duration)
-    solve = partial(references.from_energy, scene.times, system, (y, ydot), references.CLOSED_FORM)
-    return Motion(scene, title, system.start(y, ydot), solve)
-
-
-def of_pendulum(title: str, scene: Scene, A: float, B: float, turns: Array, **more: Any) -> Motion:
-    """A ÿ = −B cos y, the joints turning alike."""
-    start = float(scene.q0[0]), float(scene.v0[0])
-    floor = reduced.cranks(A, B, turns).start(*start)
-    solve = partial(references.from_pendulum, scene.times, start, A, B, turns, floor)
-    return Motion(scene, title, floor, solve, **more)
+    return of_energy(title, scene, reduced.four_bar(lengths, assembly))
 
 
 def _parallelogram(name: str) -> Motion:
@@ -79,17 +67,14 @@ def andrews(duration: float = 0.03) -> Motion:
     scene = _scene("andrews", mechanism, 0.0, duration)
     first, second = benchmarks.andrews_implicit(order), benchmarks.andrews_reduced(order)
     what = "test set's seven angles and index-1 equations by hand", "the equation of the crank alone"
-    solve = partial(references.from_two, scene.times, first, second, what)
-    return Motion(scene, "Andrews (A03)", second, solve, cap=0.8)
+    return of_two("Andrews (A03)", scene, first, second, what, second, cap=0.8)
 
 
 def bricard() -> Motion:
     """IFToMM A04, slender rods: from rest, one closure row redundant throughout."""
-    system = benchmarks.bricard()
     scene = _scene("bricard", load("bricard"), 0.0, 10.0)
     geometry = "threefold-symmetric γ in closed form, kinematics by hand"
-    solve = partial(references.from_energy, scene.times, system, (0.0, 0.0), geometry)
-    return Motion(scene, "Bricard (A04)", system.start(0.0, 0.0), solve, SLOW_STEPS, SLOW_CAP)
+    return of_energy("Bricard (A04)", scene, benchmarks.bricard(), geometry, steps=SLOW_STEPS, cap=SLOW_CAP)
 
 
 def flyball(duration: float = 0.5, steps: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 12, 16, 32, 64)) -> Motion:
@@ -104,8 +89,8 @@ def flyball(duration: float = 0.5, steps: tuple[int, ...] = (2, 3, 4, 5, 6, 8, 1
     scale[order[3]] = mechanism.length
     first, second = benchmarks.flyball(order, conserving=True), benchmarks.flyball(order, conserving=False)
     what = "symmetric Lagrangian by hand with conserved angular momentum", "the equations with φ̈"
-    solve = partial(references.from_two, scene.times, first, second, what, scale, "Radau", 1e-11)
-    return Motion(scene, "flyball governor (A05, stiff, no loop)", second, solve, steps)
+    title = "flyball governor (A05, stiff, no loop)"
+    return of_two(title, scene, first, second, what, second, scale, "Radau", 1e-11, steps=steps)
 
 
 MOTIONS: dict[str, Callable[[], Motion]] = {

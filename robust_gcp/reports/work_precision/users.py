@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -14,9 +13,9 @@ from ...examples.linkages import four_bar
 from ...maps.closed_form import FourBar
 from ...mechanism.tree.tree import Array
 from ..contender import Scene
-from . import reduced, references
+from . import reduced
 from .reduced import GRAVITY, Curves, OneDof, Planar, Read, SeveralDof, Weights, joints_reader
-from .references import CLOSED_FORM, SLOW_CAP, SLOW_STEPS, Motion, times_of
+from .references import SLOW_CAP, SLOW_STEPS, Motion, of_energy, of_two, times_of
 
 CHANGE_POINT = (4.0, 2.0, 3.0, 3.0)
 STAGES, LIFTED, FALLING = 3, 1.0, -4.0
@@ -45,13 +44,10 @@ def scissor() -> Motion:
         weight = 2.0 * GRAVITY * float(heights.sum())
         return Weights(inertia, slope, weight * s, weight * c)
 
-    system = OneDof(shape, weigh)
     v0 = mechanism.lift(mechanism.home, [FALLING])
     scene = Scene("scissor_lift", mechanism, mechanism.home, v0, times_of(3.0))
-
     geometry = "bars as rods, Lagrange by hand"
-    solve = partial(references.from_energy, scene.times, system, (LIFTED, FALLING), geometry)
-    return Motion(scene, "scissor lift, 3 stages", system.start(LIFTED, FALLING), solve)
+    return of_energy("scissor lift, 3 stages", scene, OneDof(shape, weigh), geometry)
 
 
 SKEW = pin.rpy.rpyToMatrix(0.0, 0.5, 0.7)
@@ -69,12 +65,10 @@ def skew() -> Motion:
     hinge = RevoluteClosure("q2_tip", "q3_tip", axis=(1.0, 0.0, 0.0))
     mechanism = Mechanism(model, [hinge], ["q1"], home=flat.home)
     _, right, up = GRAVITY * SKEW[2]
-    system = reduced.four_bar(lengths, -1, complex(right, up))
     v0 = mechanism.lift(mechanism.home, [ydot])
     scene = Scene("skew_antiparallelogram", mechanism, mechanism.home, v0, times_of(5.0))
     title = "antiparallelogram in a skew plane (spatial, redundant)"
-    solve = partial(references.from_energy, scene.times, system, (y, ydot), CLOSED_FORM)
-    return Motion(scene, title, system.start(y, ydot), solve)
+    return of_energy(title, scene, reduced.four_bar(lengths, -1, complex(right, up)))
 
 
 # --------------------------------------------------------------------------- several coordinates
@@ -124,8 +118,7 @@ def _several(
     first, second = system.lagrange(*start, read), system.hamilton(*start, read)
     scene = Scene(name, mechanism, *read(first.x0), times_of(2.0))
     what = "γ in closed form, Lagrange's equation by hand", "Hamilton's equations"
-    solve = partial(references.from_two, scene.times, first, second, what)
-    return Motion(scene, title, first, solve, SLOW_STEPS, SLOW_CAP)
+    return of_two(title, scene, first, second, what, first, steps=SLOW_STEPS, cap=SLOW_CAP)
 
 
 def loops(

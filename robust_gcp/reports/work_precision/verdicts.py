@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import pages
-from . import floor
 from .measure import Point
+from .ours import COMPILED, FLOOR, named
 from .references import Reference
 
 TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
@@ -18,8 +18,8 @@ TARGETS = (1e-4, 1e-6, 1e-8, 1e-10)
 SHOWN = (1e-6, 1e-10)
 """Those that seconds are told for."""
 
-OURS, COMPILED, PYTHON = "bridge", "bridge compiled, RK4", "bridge, RK4"
-OWN = (OURS, "closed form", "published", "implicit", floor.FAMILY)
+OURS, PYTHON = "bridge", "bridge, RK4"
+OWN = (OURS, "closed form", "published", "implicit", FLOOR)
 """Families that come with this package; all others are peers."""
 
 STAYS = 10.0
@@ -106,7 +106,7 @@ def over_floor(curves: Curves, contender: str, accuracy: float) -> float | None:
     curve = curves.get(contender, [])
     if not curve:
         return None
-    floors = {p.setting: p for p in curves.get(floor.name_of(curve[0].stepper), []) if p.good}
+    floors = {p.setting: p for p in curves.get(named(FLOOR, curve[0].stepper), []) if p.good}
     ratios = [
         p.error / floors[p.setting].error if p.good else np.inf
         for p in curve
