@@ -13,17 +13,18 @@ import subprocess
 import sys
 from collections import Counter
 from collections.abc import Callable, Sequence
+from cProfile import Profile
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from types import FrameType
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from .. import Mechanism, Stats, analyse, backends, load, simulate
+from .. import JointDamper, JointSpring, Mechanism, Stats, analyse, backends, load, simulate
 from ..arguments import Arguments, existing_file, folder, pathname
 from ..dynamics.equations import Evaluation, constraint_forces
-from ..examples.linkages import n_four_bar
+from ..examples.linkages import add_link, n_four_bar, swinging_four_bar
 from ..maps.choice import Method
 from ..maps.cluster.jet import null_pairing
 from ..mechanism.forces.applied_forces import AppliedForces
@@ -31,8 +32,8 @@ from ..mechanism.tree.tree import Tree
 from ..printing import along, write, write_json
 from . import pages
 from .contender import clock
-from .costs_scenes import SCENES
 from .growth import QUICK, step_seconds
+from .stability.truth import with_forces
 from .work_precision.ours import Ours
 
 PARTS: dict[str, tuple[Callable[..., Any], ...]] = {
@@ -66,38 +67,111 @@ class Cost:
 def measure(scene: str, rounds: int = 3) -> Cost:
     """Counts and time of a scene, by the Python reference."""
     mechanism, arguments = SCENES[scene]()
-    counted, begun, before = Counter[str](), [0.0], sys.getprofile()
-    codes = {_code(f): part for part, functions in PARTS.items() for f in functions}
+    profile, begun = Profile(), [0.0]
 
-    def count(frame: FrameType, event: str, arg: object) -> None:
-        if event == "call" and frame.f_code in codes:
-            counted[codes[frame.f_code]] += 1
-
-    def profile(fraction: float) -> None:
+    def count(fraction: float) -> None:
         if fraction == 0.0:
-            sys.setprofile(count)
+            profile.enable()
         elif fraction == 1.0:  # what follows is done once a run
-            sys.setprofile(before)
+            profile.disable()
 
     def begin(fraction: float) -> None:
         if fraction == 0.0:
             begun[0] = clock()
 
     try:
-        run = simulate(mechanism, backend="python", progress=profile, **arguments)
+        run = simulate(mechanism, backend="python", progress=count, **arguments)
     finally:
-        sys.setprofile(before)
+        profile.disable()
     steps, times = len(run.t) - 1, []
     for _ in range(rounds):
         simulate(mechanism, backend="python", progress=begin, **arguments)
         times.append((clock() - begun[0]) / steps)
-    calls = {part: counted[part] for part in PARTS}
+    called = {entry.code: entry.callcount for entry in profile.getstats()}
+    calls = {part: sum(called.get(_code(f), 0) for f in functions) for part, functions in PARTS.items()}
     return Cost(scene, steps, calls, run.stats, len(run.crossings), 1e6 * min(times))
 
 
 def _code(function: Any) -> Any:
     return getattr(function, "__wrapped__", function).__code__
 
+
+# --------------------------------------------------------------------------- scenes
+
+RECORDS = ("a", "energy", "multipliers")
+
+
+def _pendulum() -> Mechanism:
+    model = pin.Model()
+    add_link(model, 0, 0.0, "q1", 1.0)
+    return Mechanism.from_pinocchio(model, home=[0.5])
+
+
+def _with_forces(mechanism: Mechanism) -> Mechanism:
+    """A spring and a damper on the first joint."""
+    return with_forces(mechanism, [JointSpring("q1", 5.0, 0.2), JointDamper("q1", 0.1)])
+
+
+def _brake(t: float, q: Any, v: Any) -> Any:
+    """A torque against the motion of the first joint, N m."""
+    return np.concatenate([[-0.1 * v[0]], np.zeros(len(v) - 1)])
+
+
+def _far(**more: Any) -> dict[str, Any]:
+    """0.1 s of a four-bar away from singular configurations."""
+    return {"duration": 0.1, "step": 1e-3} | more
+
+
+def _moving(name: str) -> dict[str, Any]:
+    """A robot as its model recommends to start it."""
+    recommended = load(name).recommended
+    return _far(v0=recommended.v0)
+
+
+def _rhombus(**more: Any) -> dict[str, Any]:
+    """0.4 s of the fall through its first singular configuration."""
+    return _far(q0=[0.2, -0.2, 0.2], duration=0.4, **more)
+
+
+def _swinging() -> tuple[Mechanism, dict[str, Any]]:
+    mechanism = swinging_four_bar(4.0, 2.0, 3.0, 3.0, 0.1, np.pi - 0.3)
+    v0 = mechanism.lift(mechanism.home, [0.1, 3.0])
+    return mechanism, _far(v0=v0, duration=0.2)
+
+
+def _toggling() -> tuple[Mechanism, dict[str, Any]]:
+    """A crank-rocker driven through the turning point of its rocker, which is the coordinate."""
+    driven = load("crank_rocker")
+    q0 = driven.assemble([1.5, *driven.home[1:]])
+    start = {"q0": q0, "v0": driven.lift(q0, [6.0])}
+    return driven.with_independent(["q3"]), _far(**start, duration=0.4, on_toggle="repartition")
+
+
+SCENES: dict[str, Callable[[], tuple[Mechanism, dict[str, Any]]]] = {
+    "one pendulum": lambda: (_pendulum(), _far()),
+    "a pendulum with spring and damper": lambda: (_with_forces(_pendulum()), _far()),
+    "one loop, far from singular": lambda: (load("crank_rocker"), _far()),
+    "… with spring and damper": lambda: (_with_forces(load("crank_rocker")), _far()),
+    "… with a torque": lambda: (load("crank_rocker"), _far(torque=_brake)),
+    "… recording a": lambda: (load("crank_rocker"), _far(record=("a",))),
+    "… recording the energy": lambda: (load("crank_rocker"), _far(record=("energy",))),
+    "… recording λ": lambda: (load("crank_rocker"), _far(record=("multipliers",))),
+    "… by DOP853": lambda: (load("crank_rocker"), _far(stepper="DOP853")),
+    "three loops in a row": lambda: (n_four_bar(3), _far()),
+    "two coordinates, far from singular": lambda: (load("five_bar"), _far()),
+    "one closure row too many (Bricard)": lambda: (load("bricard"), _far()),
+    "a delta robot, far from singular": lambda: (load("delta"), _moving("delta")),
+    "a walker's two clusters, far from singular": lambda: (load("walker"), _moving("walker")),
+    "a floating walker, far from singular": lambda: (load("walker", base="free"), _far()),
+    "through a crossing": lambda: (load("rhombus"), _rhombus()),
+    "two coordinates, through a crossing": _swinging,
+    "the coordinate turns back: repartition": _toggling,
+    "everything on": lambda: (_with_forces(load("rhombus")), _rhombus(torque=_brake, record=RECORDS)),
+}
+"""A mechanism and the arguments of `simulate`, by names for the table."""
+
+
+# --------------------------------------------------------------------------- the method
 
 FAR: dict[str, Callable[[], Mechanism]] = {
     "a four-bar": lambda: load("crank_rocker"),
@@ -106,7 +180,6 @@ FAR: dict[str, Callable[[], Mechanism]] = {
     "a walker": lambda: load("walker"),
 }
 """Mechanisms far from their singular configurations."""
-
 
 LONG = 40e-3
 """s that a timed run of theirs takes, at most: the clock's noise is some 0.1 ms."""

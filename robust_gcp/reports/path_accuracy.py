@@ -13,8 +13,7 @@ from .. import Batch, Cost, Mechanism, Simulation, gradient, motion_point, simul
 from ..errors import RobustGcpError
 from ..mechanism.tree.tree import Array
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
-from .gradients.problems import Problem, problems
-from .gradients.scores import error
+from .gradients.scores import Problem, error, problems
 from .singular.motions import Motion, motions
 from .singular.scores import FINE, followed
 

@@ -15,7 +15,7 @@ import robust_gcp as rg
 from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.linkages import four_bar
 from robust_gcp.mechanism.constraint.closures import closure_frames
-from robust_gcp.reports.gradients.problems import PROBLEMS
+from robust_gcp.reports.gradients.scores import PROBLEMS
 
 from ..exact import Exact, Matrix, Vector
 from ..exact_in_space import ExactInSpace

@@ -12,8 +12,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.reports.costs import FAR, PARTS, SHARES, Cost, import_milliseconds, measure
-from robust_gcp.reports.costs_scenes import SCENES
+from robust_gcp.reports.costs import FAR, PARTS, SCENES, SHARES, Cost, import_milliseconds, measure
 
 RARE = ("zone_evaluations", "marching_steps", "bridges_built", "svds", "second_order", "refined_steps")
 CONSTRAINT = ("constraint_evaluations", "newton_iterations")

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from robust_gcp.reports.gradients import scores
-from robust_gcp.reports.gradients.problems import PROBLEMS, Problem, problems
+from robust_gcp.reports.gradients.scores import PROBLEMS, Problem, problems
 
 from ..dynamics import gradient_problems
 
