@@ -48,6 +48,10 @@ class Arguments:
         if check is not None:
             self._checks.append((name, action.dest, check))
 
+    def path(self, name: str, check: Check, metavar: str, text: str, **settings: Any) -> None:
+        """As `add`, of a file or folder with this help."""
+        self.add(name, check, type=pathname, metavar=metavar, help=text, **settings)
+
     def check(self, args: argparse.Namespace) -> None:
         """Refuse the first value that does not pass.
 

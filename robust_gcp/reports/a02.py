@@ -14,7 +14,7 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from .. import OptionError, SimulationError, simulate
-from ..arguments import DEFAULT, Arguments, file, number, pathname, positive, whole
+from ..arguments import DEFAULT, Arguments, file, number, positive, whole
 from ..examples.linkages import n_four_bar
 from ..maps.pendulum import pendulum
 from ..printing import along, table, write_json
@@ -81,8 +81,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--sizes", whole(1, 1000), type=int, nargs="+", default=list(SIZES), metavar="N", help=text)
     add_to.add("--step", positive, type=number, default=1e-3, metavar="S", help=f"s; {DEFAULT}")
     add_to.add("--duration", positive, type=number, default=20.0, metavar="S", help=f"s; {DEFAULT}")
-    text = "write every run to this JSON file"
-    add_to.add("--out", file((".json",), "a record of runs"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--out", file((".json",), "a record of runs"), "FILE", "write every run to this JSON file")
 
 
 def run(args: argparse.Namespace) -> int:

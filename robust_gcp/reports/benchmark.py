@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from .. import OptionError
-from ..arguments import Arguments, existing_file, file, known_folder, pathname, whole, word
+from ..arguments import Arguments, existing_file, file, known_folder, whole, word
 from . import derivative_cost, derivative_paths, robot_speed, throughput
 
 ROUNDS = 50
@@ -24,11 +24,11 @@ TABLES = {
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     text = "write the figures to this JSON file"
-    add_to.add("--out", file((".json",), "a record of figures"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--out", file((".json",), "a record of figures"), "FILE", text)
     add_to.add("--quick", action="store_true", help="short rounds, for a smoke test")
     add_to.heading("what is measured")
     text = "time the robots in this folder and those below it against Pinocchio's aba and constraintDynamics"
-    add_to.add("--robots", known_folder, type=pathname, metavar="DIR", help=text)
+    add_to.path("--robots", known_folder, "DIR", text)
     add_to.add("--shipped", action="store_true", help="the same for shipped robots; so without options")
     text = "steps per second of so many starts at once, beside mujoco.rollout"
     add_to.add("--starts", whole(2, 100_000), type=int, metavar="N", help=text)
@@ -38,7 +38,7 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--paths", action="store_true", help=text)
     add_to.heading("how")
     text = "with --derivatives or --paths: renew the tables in this document"
-    add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
+    add_to.path("--refresh", existing_file, "FILE", text)
     text = "what robots stand on: fixed or free; as their files say when left out"
     add_to.add("--base", word(("fixed", "free")), metavar="BASE", help=text)
 

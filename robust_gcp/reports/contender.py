@@ -44,6 +44,10 @@ class Outcome:
     rhs: int  # evaluations of the equations of motion (or of the engine's step) during these
     stopped: str = ""  # why it ended before the last time; empty when it did not
 
+    def error(self, exact: Array) -> float:
+        """Largest difference of a joint from the exact q; infinite where the run stopped early."""
+        return float(np.abs(self.q - exact).max()) if len(self.q) == len(exact) else np.inf
+
 
 BOUND = 1e8
 """A coordinate or velocity beyond it, in SI units, has left every scene here: the run has blown up."""

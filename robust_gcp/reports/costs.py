@@ -22,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from .. import JointDamper, JointSpring, Mechanism, Stats, analyse, backends, load, simulate
-from ..arguments import Arguments, existing_file, folder, pathname
+from ..arguments import Arguments, existing_file, folder
 from ..dynamics.equations import Evaluation, constraint_forces
 from ..examples.linkages import add_link, n_four_bar, swinging_four_bar
 from ..maps.choice import Method
@@ -262,10 +262,8 @@ def import_milliseconds(rounds: int = 3) -> dict[str, float]:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    text = "write costs.md and costs.json there"
-    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
-    text = "renew the tables in this document"
-    add_to.add("--refresh", existing_file, type=pathname, metavar="FILE", help=text)
+    add_to.path("--out", folder, "DIR", "write costs.md and costs.json there")
+    add_to.path("--refresh", existing_file, "FILE", "renew the tables in this document")
     add_to.add("--quick", action="store_true", help="one round, for a smoke test")
 
 

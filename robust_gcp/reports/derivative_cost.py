@@ -17,8 +17,8 @@ from ..kernel.derivatives.derivations import derivation
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
 from . import pages
+from .machine import least
 from .robots import robots_in
-from .timing import least
 
 SHIPPED: dict[str, Callable[[], Mechanism]] = {
     "a four-bar": lambda: load("crank_rocker"),

@@ -23,9 +23,8 @@ from ..simulation.derivatives.parameter_derivatives import by_parameters
 from ..simulation.derivatives.second_derivatives import second_derivatives
 from ..simulation.trajectories.trajectory import Trajectory
 from . import pages, path_accuracy, run_paths
-from .machine import footer, machine
+from .machine import footer, least, machine
 from .run_paths import EACH, MANY, Call
-from .timing import least
 
 FEW = 16
 """Each so many-th problem and motion, in a quick round."""

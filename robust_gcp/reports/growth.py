@@ -7,15 +7,17 @@ is not in it.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable
+import textwrap
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from .. import Mechanism, PointClosure, backends, load, simulate
-from ..arguments import Arguments, existing_folder, folder, pathname
+from ..arguments import Arguments, existing_folder, folder
 from ..drawing.figures import style as plots
 from ..dynamics.derivatives import derivatives, forward_dynamics
 from ..dynamics.discrete import step_jacobians
@@ -24,11 +26,21 @@ from ..examples.linkages import add_link, n_four_bar
 from ..printing import along, write, write_json
 from . import pages, peers
 from .contender import Contender, Scene
-from .growth_report import SHOWN, Row, draw, sentence, tables
-from .machine import footer, machine
+from .machine import footer, least, machine
 from .throughput import thread_gain
-from .timing import least
 from .work_precision import ours
+
+Row = dict[str, float | str]
+"""Of one mechanism: its family, size, name, nv and m, and µs of a step by contender."""
+
+SHOWN = {
+    "bridge compiled, RK4": "compiled",
+    "bridge, RK4": "Python",
+    "Pinocchio, mu > 0": "Pinocchio C++",
+    "Pinocchio, defaults": "Pinocchio C++",
+    "MuJoCo connect, tuned": "MuJoCo RK4",
+}
+"""Contenders and their names here: all with RK4; Pinocchio's is `constraintDynamics`, or `aba` for a tree."""
 
 ANGLE = 1.2
 """rad: cranks well away from flat, so that only the regular path is timed."""
@@ -66,14 +78,9 @@ def pendulums(n: int) -> Mechanism:
     return Mechanism.from_pinocchio(model, home=[0.3] * n)
 
 
-def side_by_side(n: int) -> Mechanism:
-    """Four-bars of which each is a cluster."""
-    return four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0)
-
-
 FAMILIES: dict[str, tuple[tuple[int, ...], Callable[[int], Mechanism]]] = {
     "loops": ((1, 2, 5, 10, 20, 40), partial(n_four_bar, angle=ANGLE)),
-    "clusters": ((1, 2, 4, 8, 16), side_by_side),
+    "clusters": ((1, 2, 4, 8, 16), lambda n: four_bars([(4.0, 1.0, 3.5, 3.0)] * n, [1.0] * n, spacing=9.0)),
     "mobility": ((1, 2, 3, 4, 6), polygon),
     "joints": ((1, 2, 5, 10, 20, 40), pendulums),
     "robots": ((3, 4), lambda m: load("delta" if m == 3 else "walker")),
@@ -163,16 +170,98 @@ def once(quick: bool) -> dict[str, float]:
     }
 
 
+# --------------------------------------------------------------------------- what is told
+
+FITTED = 3
+"""Largest sizes that an exponent is fitted to."""
+
+
+def exponent(rows: Sequence[Row], name: str) -> float | None:
+    """p of µs ~ size^p over the largest sizes."""
+    known = [(float(row["size"]), float(row[name])) for row in rows if float(row.get(name, 0.0)) > 0.0]
+    if len(known) < FITTED:
+        return None
+    logs = np.log(known[-FITTED:])
+    return float(np.polyfit(logs[:, 0], logs[:, 1], 1)[0])
+
+
+def tables(measured: Mapping[str, list[Row]], fixed: Mapping[str, float], foot: str) -> str:
+    """Markdown: a table of each family with exponents in its last line, and the fixed costs."""
+    parts = []
+    for family, rows in measured.items():
+        columns = [name for name in dict.fromkeys(SHOWN.values()) if any(name in row for row in rows)]
+        head = "robot" if family == "robots" else family
+        lines = [[head, "velocities", "m", *columns]]
+        for row in rows:
+            which = str(row["name" if family == "robots" else "size"])
+            cells = [f"{row[name]:.3g}" if name in row else "–" for name in columns]
+            lines.append([which, str(row["nv"]), str(row["m"]), *cells])
+        powers = [] if family == "robots" else [exponent(rows, name) for name in columns]
+        if any(power is not None for power in powers):
+            grown = ["–" if power is None else f"N^{power:.2f}" for power in powers]
+            lines.append([f"largest {FITTED}", "", "", *grown])
+        parts.append(pages.table(lines, range(1, len(lines[0]))))
+    told = (
+        f"Once: the first run of a four-bar takes {fixed['first run']:.2g} ms, the start of each further one "
+        f"{fixed['start']:.2g} ms, its first crossing {fixed['crossing']:.2g} ms; two threads do "
+        f"{fixed['threads']:.2f} times the work of one.\n\n"
+        "Of the delta robot derivatives by the Python reference take "
+        f"{fixed['derivatives']:.2g} times as long as its forward dynamics, the Jacobians of a step "
+        f"{fixed['jacobians']:.2g} times as long as a run of one step; compiled ones: "
+        "[derivatives](derivatives.md#what-they-cost)."
+    )
+    return "\n\n".join([*parts, told, f"*µs of an RK4 step. Measured {foot}.*"])
+
+
+def sentence(measured: Mapping[str, list[Row]], fixed: Mapping[str, float]) -> str:
+    """What README tells of a step, and of an installation without the kernel."""
+    ends = measured["loops"][0], measured["loops"][-1]
+    first, last = (f"{row.get('compiled', row['Python']):.2g}" for row in ends)
+    told = f"An RK4 step of a four-bar takes {first} µs, of {ends[1]['size']} four-bars in a row {last} µs."
+    if any("compiled" not in row for row in ends):
+        return told
+    ratios = [float(row["Python"]) / float(row["compiled"]) for row in ends]
+    few, many, fall = (f"{float(f'{ratio:.2g}'):g}" for ratio in (*ratios, fixed["fall in Python"]))
+    return (
+        f"{told}\nIn an installation without the kernel they take {few} and {many} times as long, a fall of "
+        f"the rhombus\nthrough three crossings {fall} times."
+    )
+
+
+def draw(measured: dict[str, list[Row]], foot: str, path: Path) -> Path:
+    """µs a step against size, one panel a family."""
+    shown = {name: rows for name, rows in measured.items() if name != "robots"}
+    with plots.style():
+        figure = plots.new_figure(4.6)
+        axes = figure.subplots(2, 2).ravel()
+        for ax, (family, rows) in zip(axes, shown.items(), strict=True):
+            for name, colour in zip(dict.fromkeys(SHOWN.values()), plots.CYCLE, strict=False):
+                known = [(row["size"], row[name]) for row in rows if name in row]
+                if known:
+                    power = exponent(rows, name)
+                    label = name if power is None else f"{name}, N^{power:.2f}"
+                    ax.loglog(*zip(*known, strict=True), "o-", color=colour, markersize=3, label=label)
+            ax.set(title=f"{family} N", ylabel="µs a step")
+            sizes = [int(row["size"]) for row in rows]
+            ax.set_xticks(sizes, map(str, sizes))
+            ax.minorticks_off()
+            low, high = ax.get_ylim()
+            ax.set_ylim(low, high**1.5 / low**0.5)  # room for the legend above the curves
+            ax.legend(fontsize=6, loc="upper left")
+        figure.supxlabel(textwrap.fill(foot, 150), fontsize=5, x=0.01, ha="left")
+        return plots.save(figure, path, 200)
+
+
+# --------------------------------------------------------------------------- command
+
 PAGES = {"docs/kernel.md": ["growth"], "README.md": ["speed"]}
 """Where the table and the sentence stand."""
 
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    text = "write growth.md, growth.json and growth.png there"
-    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
-    text = "renew README.md and docs/ of this checkout"
-    add_to.add("--docs", existing_folder, type=pathname, metavar="ROOT", help=text)
+    add_to.path("--out", folder, "DIR", "write growth.md, growth.json and growth.png there")
+    add_to.path("--docs", existing_folder, "ROOT", "renew README.md and docs/ of this checkout")
     add_to.add("--quick", action="store_true", help="small sizes, short rounds: a smoke test")
 
 

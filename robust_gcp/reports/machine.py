@@ -1,4 +1,4 @@
-"""The machine that figures were measured on, in words."""
+"""The machine that figures are measured on, in words, and least times of calls on it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import importlib.metadata
 import os
 import platform
 import subprocess
+from collections.abc import Callable, Mapping
 from datetime import date
 from pathlib import Path
 
 from .. import __version__
+from .contender import clock
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 PACKAGES = ("numpy", "scipy", "pin", "mujoco", "exudyn")
@@ -62,3 +64,24 @@ def footer(m: dict[str, str], begun: str = "") -> str:
         f"Python {m['python']}, {m['packages']}, BLAS threads {m['threads']}; "
         f"robust_gcp {m['robust_gcp']}, commit {m['commit']}"
     )
+
+
+# --------------------------------------------------------------------------- times on it
+
+
+def seconds(call: Callable[[], object], now: Callable[[], float]) -> float:
+    """Of one call, by this clock."""
+    begun = now()
+    call()
+    return now() - begun
+
+
+def least(call: Callable[[], object], rounds: int) -> float:
+    """The least of some calls, s of the processor's time."""
+    return min(seconds(call, clock) for _ in range(rounds))
+
+
+def in_turn(works: Mapping[str, Callable[[], float]], rounds: int) -> dict[str, float]:
+    """The least of what each returns, called in turn so that other work on the machine meets all alike."""
+    found = [{name: work() for name, work in works.items()} for _ in range(rounds)]
+    return {name: min(times[name] for times in found) for name in works}

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .. import Mechanism, SimulationError, SingularityWarning, Trajectory, load, simulate
-from ..arguments import DEFAULT, Arguments, folder, pathname
+from ..arguments import DEFAULT, Arguments, folder
 from ..drawing.figures import style as plots
 from ..drawing.figures.draw import draw_faded
 from ..drawing.figures.mechanism import body_legend, face_on, poses
@@ -242,9 +242,7 @@ def _strobe(ax: Axes, run: Trajectory, view: Array, t: float) -> None:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add(
-        "--out", folder, type=pathname, default=Path("figures"), metavar="DIR", help=f"folder; {DEFAULT}"
-    )
+    add_to.path("--out", folder, "DIR", f"folder; {DEFAULT}", default=Path("figures"))
     add_to.add("--pdf", action="store_true", help="also as PDF")
     add_to.add("--quick", action="store_true", help="1.8 s instead of 5 s, twice the step")
 

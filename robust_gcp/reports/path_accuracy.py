@@ -14,8 +14,7 @@ from ..errors import RobustGcpError
 from ..mechanism.tree.tree import Array
 from ..simulation.derivatives.accelerations import derivatives, forward_dynamics
 from .gradients.scores import Problem, error, problems
-from .singular.motions import Motion, motions
-from .singular.scores import FINE, followed
+from .singular.scores import FINE, Motion, followed, motions
 
 HEADER = ("what", "against", "least", "where", "largest", "where", "cases", "refused")
 

@@ -19,10 +19,10 @@ from ..kernel.simulation.batch import Outputs
 from ..kernel.simulation.workspace import Workspace
 from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
+from .machine import in_turn, seconds
 from .peers.compiled import Loop, Settings, knows, why_not
 from .peers.pinocchio import ADAPTED
 from .robots import robots_in
-from .timing import in_turn, seconds
 
 Batch = Callable[[], tuple[float, float]]
 """Does a batch of steps: seconds per step and Newton iterations per right-hand side."""

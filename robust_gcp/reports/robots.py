@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from .. import Mechanism, RobustGcpError, StateError, load, simulate
-from ..arguments import Arguments, known_folder, number, pathname, positive
+from ..arguments import Arguments, known_folder, number, positive
 from ..io.robot_file import READERS
 from ..mechanism.tree.tree import Array
 from ..printing import table
@@ -139,7 +139,7 @@ def files_below(folder: Path) -> Iterator[Path]:
 
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
-    add_to.add("folder", known_folder, type=pathname, metavar="FOLDER", help="models and robots' files")
+    add_to.path("folder", known_folder, "FOLDER", "models and robots' files")
     add_to.add("--duration", positive, type=number, default=0.3, metavar="T", help="s; default: 0.3")
     add_to.add("--speed", positive, type=number, default=0.3, metavar="V", help="rad/s or m/s; default: 0.3")
     add_to.add("--step", positive, type=number, metavar="H", help="s; default: as simulate chooses")

@@ -16,14 +16,15 @@ from .. import Batch, Mechanism, load, simulate
 from ..checks import real_array
 from ..printing import along, table, write_json
 from ..simulation.batches.many import Start, simulate_many
-from .timing import in_turn, seconds
+from .machine import in_turn, seconds
 
 
-def gain(works: Sequence[Callable[[], object]], rounds: int) -> float:
-    """How many times the work of one thread is done in the same time by a thread for each; best of rounds."""
+def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
+    """How many times the work of one thread two threads do in the same time, best of rounds."""
+    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
 
-    def run(workers: Sequence[Callable[[], object]]) -> float:
-        running = [threading.Thread(target=worker) for worker in workers]
+    def run(count: int) -> float:
+        running = [threading.Thread(target=work) for _ in range(count)]
         begun = time.perf_counter()
         for thread in running:
             thread.start()
@@ -31,14 +32,8 @@ def gain(works: Sequence[Callable[[], object]], rounds: int) -> float:
             thread.join()
         return time.perf_counter() - begun
 
-    alone, together = (min(run(w) for _ in range(rounds)) for w in (works[:1], works))
-    return len(works) * alone / together
-
-
-def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
-    """How many times the work of one thread two threads do in the same time, best of rounds."""
-    work = partial(simulate, mechanism, duration=5e-3 if quick else 0.2, step=1e-5)
-    return gain([work] * 2, 2 if quick else 7)
+    alone, together = (min(run(count) for _ in range(2 if quick else 7)) for count in (1, 2))
+    return 2.0 * alone / together
 
 
 MANY = ("crank_rocker", "rhombus", "five_bar", "slider_crank", "walker", "stewart")

@@ -19,7 +19,7 @@ from robust_gcp.examples.families import four_bars, scissor_lift
 from robust_gcp.examples.six_bars import CHANGE_POINT, lamp, parallel_legs
 from robust_gcp.kernel.derivatives.derivations import derivation, own_derivation
 from robust_gcp.reports.stability.truth import with_forces
-from robust_gcp.reports.work_precision.users import floating
+from robust_gcp.reports.work_precision.scenes import floating
 from robust_gcp.simulation.derivatives import reverse_sweep
 
 from ..compiled import needs_kernel, stepped

@@ -23,7 +23,7 @@ import pinocchio as pin
 import robust_gcp as rg
 from robust_gcp.examples.linkages import add_link, four_bar, n_four_bar
 from robust_gcp.reports.linkages import mechanism_of, rotation
-from robust_gcp.reports.singular.motions import MOTIONS
+from robust_gcp.reports.singular.scores import MOTIONS
 
 from ..dynamics.gradient_problems import linkage, spatial
 from ..exact import DIGITS, ONE, ZERO, Exact, Vector, pi, solve, turned

@@ -11,7 +11,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.__main__ import main
-from robust_gcp.reports import growth, growth_report
+from robust_gcp.reports import growth
 from robust_gcp.reports.contender import Outcome, Scene
 
 Row = dict[str, float | str]
@@ -55,8 +55,8 @@ def test_families_have_their_size_and_move_regularly(family: str) -> None:
 def test_the_exponent_is_that_of_the_largest_sizes() -> None:
     rows: list[Row] = [{"size": n, "compiled": 50.0 + n**2} for n in (1, 10, 20, 40)]
     exact = np.polyfit(np.log([10.0, 20.0, 40.0]), np.log([150.0, 450.0, 1650.0]), 1)[0]
-    assert growth_report.exponent(rows, "compiled") == pytest.approx(exact)
-    assert growth_report.exponent(rows, "Python") is None
+    assert growth.exponent(rows, "compiled") == pytest.approx(exact)
+    assert growth.exponent(rows, "Python") is None
 
 
 def test_the_command_writes_tables_figure_and_pages(

@@ -12,8 +12,7 @@ from robust_gcp.__main__ import main
 from robust_gcp.maps.pendulum import pendulum
 from robust_gcp.mechanism.tree.tree import Array
 from robust_gcp.reports.contender import Outcome, Scene
-from robust_gcp.reports.singular.motions import Motion, motions
-from robust_gcp.reports.singular.scores import cells, followed, scored
+from robust_gcp.reports.singular.scores import Motion, cells, followed, motions, scored
 from robust_gcp.reports.work_precision.reduced import GRAVITY
 
 from ..compiled import needs_kernel

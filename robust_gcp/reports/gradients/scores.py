@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from ... import Mechanism, RobustGcpError, derivatives
-from ...arguments import Arguments, file, pathname, word
+from ...arguments import Arguments, file, word
 from ...mechanism.tree.tree import Array
 from ...printing import table, write_json
 from ..linkages import mechanism_of
@@ -208,8 +208,7 @@ def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     text = "robust_gcp, pinocchio or mujoco, several times for several; all that are installed unless given"
     add_to.add("--engine", word(engines()), action="append", metavar="NAME", help=text)
-    text = "write the scores to this JSON file"
-    add_to.add("--out", file((".json",), "a record of scores"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--out", file((".json",), "a record of scores"), "FILE", "write the scores to this JSON file")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,8 +11,6 @@ import functools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from ...mechanism.tree.tree import Array
 from ..contender import Contender, Kind, Outcome, Scene, clock, division, reached
 from .compiled import Loop, Settings, knows, why_not
@@ -130,8 +128,8 @@ class Scanned(ConstraintDynamics):
         q, setting = self.exact(scene), float(scene.times[1]) / substeps
 
         def error(rule: tuple[Omega, float]) -> float:
-            found = timed(scene, setting, replace(self.how, omega=rule[0](scene, setting), mu=rule[1])).q
-            return float(np.abs(found - q).max()) if len(found) == len(q) else np.inf
+            how = replace(self.how, omega=rule[0](scene, setting), mu=rule[1])
+            return timed(scene, setting, how).error(q)
 
         return min(_rules(), key=error)
 

@@ -67,11 +67,8 @@ def digits(contender: Contender, scene: Scene, q: Array, divisions: Sequence[int
     """Correct digits with each step; NaN for a run that stopped."""
     for count in divisions:
         outcome = contender.run(scene, float(scene.times[1]) / count)
-        if outcome.stopped:
-            yield float("nan")
-        else:
-            error = float(np.abs(outcome.q - q).max())
-            yield float(np.clip(-np.log10(max(error, 1e-16)), 0.0, 16.0))
+        right = np.clip(-np.log10(max(outcome.error(q), 1e-16)), 0.0, 16.0)
+        yield float("nan") if outcome.stopped else float(right)
 
 
 def score(

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from ... import Mechanism, backends
-from ...arguments import Arguments, existing_file, folder, number, part, pathname, positive
+from ...arguments import Arguments, existing_file, folder, number, part, positive
 from ...mechanism.tree.tree import Array
 from ...printing import along, table, write, write_json
 from .. import pages
@@ -57,9 +57,8 @@ def arguments(add_to: Arguments) -> None:
     text = "no finer settings of a tool once a run takes longer, s; default: 4"
     add_to.add("--cap", positive, type=number, default=4.0, metavar="S", help=text)
     text = "results files as the library asks for them, what to submit with them, and figures as JSON"
-    add_to.add("--out", folder, type=pathname, metavar="DIR", help=text)
-    text = "renew the blocks of these names in a page"
-    add_to.add("--refresh", existing_file, type=pathname, metavar="PAGE", help=text)
+    add_to.path("--out", folder, "DIR", text)
+    add_to.path("--refresh", existing_file, "PAGE", "renew the blocks of these names in a page")
 
 
 def run(args: argparse.Namespace) -> int:

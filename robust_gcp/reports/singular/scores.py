@@ -7,22 +7,85 @@ it is still on the mode that it started on.
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Literal
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 
-from ...arguments import Arguments, existing_file, file, number, part, pathname, positive
+from ... import JointFriction, Mechanism, Stop
+from ...arguments import Arguments, existing_file, file, number, part, positive
 from ...mechanism.tree.tree import Array
 from ...printing import along, table, write_json
 from .. import pages
 from ..contender import Contender, Scene
+from ..linkages import mechanism_of, parts_of
 from ..machine import footer, machine
 from ..tools import tools
 from ..work_precision import ours
 from ..work_precision.measure import LOST, settings_of
-from .motions import Motion, motions
+from ..work_precision.references import times_of
+
+MOTIONS = Path(__file__).with_name("motions.json")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """A linkage that moves under gravity, some with a stop or dry friction, through singular configurations.
+
+    Attributes
+    ----------
+    name, singular : str
+        Which, and what is singular on its way.
+    linkage : dict
+        See `reports.linkages`; one coordinate.
+    times : ndarray (21,)
+        s, equally spaced from 0.
+    q, v : ndarray (n, nv)
+        Rounded from 25 digits; the first is the start, on the mode that is meant. Less than 21 where it ends.
+    end : float
+        s, when the mode ends in a cusp; infinite for others.
+    """
+
+    name: str
+    singular: str
+    linkage: dict[str, Any]
+    times: Array
+    q: Array
+    v: Array
+    end: float = np.inf
+
+    @property
+    def joints(self) -> tuple[Stop | JointFriction, ...]:
+        """Its stops and what rubs, as `simulate` takes them."""
+        return parts_of(self.linkage)
+
+    @cached_property
+    def mechanism(self) -> Mechanism:
+        """At home at the start."""
+        return mechanism_of(self.linkage, self.q[0])
+
+    @cached_property
+    def scene(self) -> Scene:
+        """As contenders run it."""
+        times = times_of(float(self.times[-1]))
+        return Scene(self.name, self.mechanism, self.q[0], self.v[0], times, self.joints)
+
+
+def motions() -> list[Motion]:
+    """All of them."""
+    found = []
+    for given in json.loads(MOTIONS.read_text(encoding="utf-8")):
+        times, q, v = (np.array(given[key], dtype=float) for key in ("times", "q", "v"))
+        end = float(given.get("end", np.inf))
+        found.append(Motion(given["name"], given["singular"], given["linkage"], times, q, v, end))
+    return found
+
+
+# --------------------------------------------------------------------------- scores
 
 STEPS = (1, 2, 5, 10, 20)
 """In each of 400 intervals."""
@@ -90,10 +153,8 @@ def arguments(add_to: Arguments) -> None:
     add_to.add("--method", part, nargs="+", default=[], metavar="PART", help=text)
     text = "no finer settings of a tool once a run takes longer, s; default: 1"
     add_to.add("--cap", positive, type=number, default=1.0, metavar="S", help=text)
-    kind = file((".json",), "a record of scores")
-    add_to.add("--out", kind, type=pathname, metavar="FILE", help="figures as JSON")
-    text = "renew the block of this name in a page"
-    add_to.add("--refresh", existing_file, type=pathname, metavar="PAGE", help=text)
+    add_to.path("--out", file((".json",), "a record of scores"), "FILE", "figures as JSON")
+    add_to.path("--refresh", existing_file, "PAGE", "renew the block of this name in a page")
 
 
 def run(args: argparse.Namespace) -> int:

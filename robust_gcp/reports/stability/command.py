@@ -6,7 +6,7 @@ import argparse
 from collections.abc import Sequence
 from pathlib import Path
 
-from ...arguments import Arguments, existing_folder, folder, pathname, word
+from ...arguments import Arguments, existing_folder, folder, word
 from ...drawing.figures import style as plots
 from ...printing import table
 from .. import pages
@@ -29,10 +29,9 @@ def arguments(add_to: Arguments) -> None:
     text = f"only this family; may be repeated: {', '.join(families())}"
     add_to.add("--case", word(families()), action="append", metavar="FAMILY", help=text)
     add_to.add("--quick", action="store_true", help="a short excerpt, below a minute")
-    text = "folder for tables and maps"
-    add_to.add("--out", folder, type=pathname, required=True, metavar="DIR", help=text)
+    add_to.path("--out", folder, "DIR", "folder for tables and maps", required=True)
     text = f"refresh {PAGE} and figures/ in this folder of documentation as well"
-    add_to.add("--docs", existing_folder, type=pathname, metavar="DIR", help=text)
+    add_to.path("--docs", existing_folder, "DIR", text)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -13,11 +13,10 @@ from scipy.optimize import brentq
 from ...examples.families import Lengths
 from ...maps.pendulum import pendulum
 from ...mechanism.tree.tree import Array
-from ..stepping import stepped
 from .case import Case, Families, Setting, family, row
 from .extreme_bodies import LINKAGES
 from .extreme_tools import ANTIPARALLELOGRAM, CHANGE_POINT, RHOMBUS, Motion, columns, four_bar_row
-from .truth import TANGENT, A, B
+from .truth import TANGENT, A, B, Servo, floor
 
 FAMILIES: Families = {}
 
@@ -110,15 +109,9 @@ def long_runs(quick: bool) -> Iterator[Case]:
         return pendulum(t, y, 0.0, A, B)[0][:, None] * TANGENT
 
     @cache
-    def floor() -> float:
-        """The largest error of the same stepper on the pendulum's equation."""
-
-        def rate(t: float, x: Array) -> Array:
-            return np.array([x[1], -B / A * math.cos(x[0])])
-
-        times = step * np.arange(count + 1)
-        states, _, _ = stepped(rate, np.array([y, 0.0]), times, "rk4", step)
-        return float(np.abs(states[:, 0] - exact(times)[:, 0]).max())
+    def least_error() -> float:
+        """That of the same stepper on the pendulum's equation."""
+        return floor(Servo(0.0, 0.0).rate, y, step, count, exact)
 
     # rounding: y walks at random by ε a step, and its phase by that times the number of steps
     least = 1e-11 + float(np.finfo(float).eps) * count**1.5
@@ -127,7 +120,7 @@ def long_runs(quick: bool) -> Iterator[Case]:
         motion.build,
         count * step,
         (Setting(step=step, name="RK4"),),
-        lambda setting, stats: 1.1 * floor() + least,
+        lambda setting, stats: 1.1 * least_error() + least,
         exact,
         energy_allowed=1e-7 * max(1.0, count / 1e5),
         mode_kept=motion.kept,

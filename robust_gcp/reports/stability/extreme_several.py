@@ -15,7 +15,7 @@ from ...mechanism.tree.tree import Array
 from ..stepping import stepped
 from ..work_precision.reduced import Curves, Read, Reduced, SeveralDof, joints_reader
 from ..work_precision.references import integrate
-from ..work_precision.users import CHANGE_POINT, floating_reader, loops
+from ..work_precision.scenes import CHANGE_POINT, floating_reader, loops
 from .case import Case, Families, Setting, family, made, row
 from .extreme_tools import columns
 

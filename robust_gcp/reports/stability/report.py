@@ -62,14 +62,10 @@ def write_study(
 
 def blocks(cells: Sequence[Cell], bounds: Sequence[Bound], strides: Sequence[Stride]) -> dict[str, str]:
     """The report's tables by name: summary, one for each family, bounds, steps and reasons."""
-    found = {"summary": summary(cells)}
-    found |= {family: family_table(mine) for family, mine in by_family(cells).items()}
-    if bounds:
-        found["bounds"] = bound_table(bounds)
-    if strides:
-        found["strides"] = stride_table(strides)
-    found["reasons"] = reason_table(cells)
-    return found
+    families = {family: family_table(mine) for family, mine in by_family(cells).items()}
+    bounded = {"bounds": bound_table(bounds)} if bounds else {}
+    strode = {"strides": stride_table(strides)} if strides else {}
+    return {"summary": summary(cells), **families, **bounded, **strode, "reasons": reason_table(cells)}
 
 
 def by_family(cells: Iterable[Cell]) -> dict[str, list[Cell]]:

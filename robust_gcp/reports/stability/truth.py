@@ -80,11 +80,18 @@ class Servo:
 
     def floor(self, step: float, duration: float) -> float:
         """Largest error of RK4 with this step on the scalar equation, rad; infinite where it grows."""
-        times = step * np.arange(round(duration / step) + 1)
-        states, _, stopped = stepped(self.rate, np.array([self.y0, 0.0]), times, "rk4", step)
-        if stopped or np.abs(states[:, 0]).max() >= 1e3:
-            return float("inf")
-        return float(np.abs(states[:, 0] - self.exact(times)[:, 0]).max())
+        return floor(self.rate, self.y0, step, round(duration / step), self.exact)
+
+
+def floor(
+    rate: Callable[[float, Array], Array], y0: float, step: float, count: int, exact: Callable[[Array], Array]
+) -> float:
+    """Largest error of RK4 on a scalar equation from rest at y0, rad; infinite where it grows."""
+    times = step * np.arange(count + 1)
+    states, _, stopped = stepped(rate, np.array([y0, 0.0]), times, "rk4", step)
+    if stopped or np.abs(states[:, 0]).max() >= 1e3:
+        return float("inf")
+    return float(np.abs(states[:, 0] - exact(times)[:, 0]).max())
 
 
 def of_run(mechanism: Mechanism, duration: float, **arguments: Any) -> Callable[[Array], Array]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...arguments import Arguments, existing_folder, folder, number, part, pathname, positive, whole
+from ...arguments import Arguments, existing_folder, folder, number, part, positive, whole
 from ...drawing.figures import style as plots
 from ...mechanism.tree.tree import Array
 from ...printing import along, write
@@ -121,15 +121,13 @@ def arguments(add_to: Arguments) -> None:
     add_to.add(
         "--quick", action="store_true", help="two scenes, a short ladder, one timed run: about a minute"
     )
-    text = "points, tables and figures"
-    add_to.add("--out", folder, type=pathname, required=True, metavar="DIR", help=text)
+    add_to.path("--out", folder, "DIR", "points, tables and figures", required=True)
     text = "timed runs of each point; default: 3, quick: 1"
     add_to.add("--repeats", whole(1), type=int, metavar="N", help=text)
     text = "leave out runs predicted longer than this, s; default: by scene"
     add_to.add("--cap", positive, type=number, metavar="S", help=text)
     add_to.add("--fresh", action="store_true", help="forget the points in DIR instead of going on from them")
-    text = "also refresh README.md and docs/ of this checkout"
-    add_to.add("--docs", existing_folder, type=pathname, metavar="ROOT", help=text)
+    add_to.path("--docs", existing_folder, "ROOT", "also refresh README.md and docs/ of this checkout")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -219,8 +219,7 @@ class TunedImplicit(Implicit):
             step, unit = float(scene.times[1]) / SCAN_STEPS, 10.0 / float(scene.times[-1])
 
             def error(gain: float) -> float:
-                q = scan.run_with(scene, step, (gain, gain)).q
-                return float(np.abs(q - exact).max()) if len(q) == len(exact) else np.inf
+                return scan.run_with(scene, step, (gain, gain)).error(exact)
 
             best = min((factor * unit for factor in RATES), key=error)
             self._best[scene.name] = (best, best)

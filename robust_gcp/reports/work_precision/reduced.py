@@ -181,11 +181,13 @@ class SeveralDof:
     def hamilton(self, y: Array, ydot: Array, read: Read) -> Reduced:
         """The same motion in (y, p)."""
 
+        def inertia(y: Array) -> Array:
+            _, J, turn = self._moving(*self.curves(y)[:2])
+            return self._inertia(J, turn)
+
         def velocity(x: Array) -> Array:
             y, p = np.split(x, 2)
-            q, G, _ = self.curves(y)
-            _, J, turn = self._moving(q, G)
-            return np.linalg.solve(self._inertia(J, turn), p)
+            return np.linalg.solve(inertia(y), p)
 
         def rate(t: float, x: Array) -> Array:
             y, ydot = x[: len(x) // 2], velocity(x)
@@ -199,9 +201,7 @@ class SeveralDof:
             kinetic += bending[b.spin].T @ (b.moment * (turn @ ydot))
             return np.concatenate([ydot, kinetic - ((np.conj(b.up) * b.mass) @ J).real])
 
-        q, G, _ = self.curves(y)
-        _, J, turn = self._moving(q, G)
-        start = np.concatenate([y, self._inertia(J, turn) @ ydot])
+        start = np.concatenate([y, inertia(y) @ ydot])
         return Reduced(start, rate, lambda x: read(np.concatenate([x[: len(x) // 2], velocity(x)])))
 
     def _moving(self, q: Array, G: Array) -> tuple[np.ndarray, np.ndarray, Array]:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.integrate import fixed_quad
 from scipy.optimize import newton
 
 from ...maps.pendulum import pendulum
@@ -157,11 +158,8 @@ def arrival_times(system: OneDof, states: Array) -> Array:
     turns += [i for i in range(len(y) - 1) if ydot[i] * ydot[i + 1] < 0.0]
     places = [float(y[0]) if ydot[i] == 0.0 else _turning(system, energy, states[i]) for i in turns]
 
-    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE)
-
     def integral(f: Callable[[float], float], a: float, b: float) -> float:
-        middle, half = 0.5 * (a + b), 0.5 * (b - a)
-        return half * float(sum(wi * f(middle + half * x) for x, wi in zip(nodes, weights, strict=True)))
+        return float(fixed_quad(np.vectorize(f), a, b, n=QUADRATURE)[0])
 
     def from_turn(place: float, a: float, b: float) -> float:
         side = 1.0 if 0.5 * (a + b) > place else -1.0
