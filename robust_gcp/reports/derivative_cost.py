@@ -77,11 +77,8 @@ def measured(name: str, mechanism: Mechanism, rounds: int) -> Row | None:
     return found | _gradients(mechanism, q, v, LONG.get(name, STEP), rounds)
 
 
-def rows(robots: Mapping[str, Path] | None, base: str | None, rounds: int) -> list[Row]:
-    """Of shipped models, or of the robots that are given; without those that load or the kernel refuse."""
-    made = dict(SHIPPED)
-    if robots is not None:
-        made = {name: partial(load, path, base=base) for name, path in robots.items()}
+def rows(made: Mapping[str, Callable[[], Mechanism]], rounds: int) -> list[Row]:
+    """Of mechanisms by their names; without those that `load` or the kernel refuses."""
     found = []
     for name in along(list(made), "benchmark"):
         try:
@@ -110,8 +107,10 @@ def tell(folder: Path | None, base: str | None, rounds: int, out: Path | None, p
     if not backends()["native"].available:
         print(f"no compiled kernel: {backends()['native'].reason}")
         return
-    robots = None if folder is None else {str(p.relative_to(folder)): p for p in robots_in(folder)}
-    found = rows(robots, base, rounds)
+    robots = SHIPPED
+    if folder is not None:
+        robots = {str(p.relative_to(folder)): partial(load, p, base=base) for p in robots_in(folder)}
+    found = rows(robots, rounds)
     lines = [cells(row) for row in found]
     print("Least times in the kernel. forward: u̇ at a state; derivatives: with ∂u̇ by y, u and τ;")
     print(

@@ -24,11 +24,11 @@ from ..dynamics.discrete import step_jacobians
 from ..examples.families import four_bars
 from ..examples.linkages import add_link, n_four_bar
 from ..printing import along, write, write_json
-from . import pages, peers
+from . import pages
 from .contender import Contender, Scene
 from .machine import footer, least, machine
 from .throughput import thread_gain
-from .work_precision import ours
+from .tools import tools
 
 Row = dict[str, float | str]
 """Of one mechanism: its family, size, name, nv and m, and µs of a step by contender."""
@@ -119,7 +119,7 @@ def step_seconds(
 
 def measure(family: str, quick: bool) -> list[Row]:
     """Rows of size, velocities and µs a step by contender."""
-    everyone = {c.name: c for c in (*ours.contenders(lambda _: np.zeros(0)), *peers.contenders())}
+    everyone = {c.name: c for c in tools(lambda scene: np.zeros(0))}
     rows, (sizes, make) = [], FAMILIES[family]
     for n in along(sizes[:2] if quick else sizes, family):
         mechanism = make(n)

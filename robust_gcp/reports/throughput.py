@@ -6,16 +6,16 @@ import itertools
 import os
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from .. import Batch, Mechanism, load, simulate
-from ..checks import real_array
+from ..mechanism.tree.tree import Array
 from ..printing import along, table, write_json
-from ..simulation.batches.many import Start, simulate_many
+from ..simulation.batches.many import simulate_many
 from .machine import in_turn, seconds
 
 
@@ -39,50 +39,38 @@ def thread_gain(mechanism: Mechanism, quick: bool = False) -> float:
 MANY = ("crank_rocker", "rhombus", "five_bar", "slider_crank", "walker", "stewart")
 """Shipped models that are timed."""
 
+STEP = 1e-3
+"""s."""
+
 HEADER = ("mechanism", " threads", " simulate_many", " Batch", " mujoco.rollout", " ratio", "note")
 
 
 def tell(count: int, quick: bool, out: Path | None) -> None:
     """Print the table of so many starts, and write it where that is wanted."""
-    steps, step, rounds = (50, 1e-3, 1) if quick else (500, 1e-3, 3)
-    threads = sorted({1, os.cpu_count() or 1})
-    rows = [
-        measured(name, load(name), count, steps, step, many, rounds)
-        for name, many in along(list(itertools.product(MANY, threads)), "benchmark")
-    ]
-    print(f"steps per second of RK4, {count} starts of {steps} steps of {step:g} s, best of {rounds} rounds;")
+    steps, rounds = (50, 1) if quick else (500, 3)
+    cases = list(itertools.product(MANY, sorted({1, os.cpu_count() or 1})))
+    rows = [measured(name, count, steps, threads, rounds) for name, threads in along(cases, "benchmark")]
+    print(f"steps per second of RK4, {count} starts of {steps} steps of {STEP:g} s, best of {rounds} rounds;")
     print("MuJoCo: RK4 with connect as hard as it goes")
     print(table(HEADER, rows, None))
     if out:
         write_json(out, [dict(zip(map(str.strip, HEADER), row, strict=True)) for row in rows])
 
 
-def starts_of(mechanism: Mechanism, count: int) -> list[Start]:
-    """Home, with velocities all around; reproducible."""
-    rng = np.random.default_rng(0)
-    speeds = [rng.normal(0.0, 0.5, mechanism.m) for _ in range(count)]
-    return [(mechanism.home, mechanism.lift(mechanism.home, u)) for u in speeds]
+def measured(name: str, count: int, steps: int, threads: int, rounds: int) -> list[str]:
+    """A line under `HEADER`: the best of some rounds of so many starts and steps of each, in turn.
 
-
-def measured(
-    name: str, mechanism: Mechanism, count: int, steps: int, step: float, threads: int, rounds: int
-) -> list[str]:
-    """A line under `HEADER`: the best of some rounds, each in turn.
-
-    Parameters
-    ----------
-    count, steps : int
-        Starts, and steps of each.
-    step : float
-        s.
+    From home, with velocities all around; reproducible.
     """
-    starts = starts_of(mechanism, count)
+    mechanism, rng = load(name), np.random.default_rng(0)
+    q0 = np.tile(mechanism.home, (count, 1))
+    v0 = np.array([mechanism.lift(mechanism.home, rng.normal(0.0, 0.5, mechanism.m)) for _ in range(count)])
     contenders: dict[str, Callable[[], None]] = {
-        "many": lambda: _ours(mechanism, starts, steps * step, step, threads),
-        "batch": _batch(mechanism, starts, steps, step, threads),
+        "many": partial(_ours, mechanism, q0, v0, steps, threads),
+        "batch": _batch(mechanism, q0, v0, steps, threads),
     }
     try:
-        contenders["theirs"] = _theirs(mechanism, starts, steps, step, threads)
+        contenders["theirs"] = _theirs(mechanism, q0, v0, steps, threads)
         note = ""
     except (ImportError, ValueError) as error:
         note = str(error)[:60]
@@ -94,18 +82,15 @@ def measured(
     return [name, str(threads), f"{pace['many']:.3g}", f"{pace['batch']:.3g}", theirs, ratio, note]
 
 
-def _ours(mechanism: Mechanism, starts: Sequence[Start], duration: float, step: float, threads: int) -> None:
-    runs = simulate_many(mechanism, starts, duration, step, threads=threads)
-    for error in runs.errors.values():
+def _ours(mechanism: Mechanism, q0: Array, v0: Array, steps: int, threads: int) -> None:
+    starts = list(zip(q0, v0, strict=True))
+    for error in simulate_many(mechanism, starts, steps * STEP, STEP, threads=threads).errors.values():
         raise error
 
 
-def _batch(
-    mechanism: Mechanism, starts: Sequence[Start], steps: int, step: float, threads: int
-) -> Callable[[], None]:
+def _batch(mechanism: Mechanism, q0: Array, v0: Array, steps: int, threads: int) -> Callable[[], None]:
     """Rows that begin again where they were, and take all steps in one call."""
-    q0, v0 = (np.array([real_array(part) for part in parts]) for parts in zip(*starts, strict=True))
-    batch = Batch(mechanism, len(starts), q0, v0, step, threads=threads)
+    batch = Batch(mechanism, len(q0), q0, v0, STEP, threads=threads)
     begun = batch.save()
 
     def run() -> None:
@@ -117,9 +102,7 @@ def _batch(
     return run
 
 
-def _theirs(
-    mechanism: Mechanism, starts: Sequence[Start], steps: int, step: float, threads: int
-) -> Callable[[], None]:
+def _theirs(mechanism: Mechanism, q0: Array, v0: Array, steps: int, threads: int) -> Callable[[], None]:
     """MuJoCo's RK4 with `connect` as hard as it goes, from the same states."""
     import mujoco
     from mujoco import rollout
@@ -130,10 +113,10 @@ def _theirs(
     if not has_simple_joints(mechanism) or any(c.kind not in ("3d", "revolute") for c in mechanism.closures):
         raise ValueError("joints or closures that the adapter to MuJoCo has not")
     model = compiled(mechanism, "RK4", True)
-    model.opt.timestep = step
-    model.eq_solref[:] = (SHORTEST * step, 1.0)
+    model.opt.timestep = STEP
+    model.eq_solref[:] = (SHORTEST * STEP, 1.0)
     data = [mujoco.MjData(model) for _ in range(threads)]
-    states = np.array([np.concatenate([[0.0], real_array(q), real_array(v)]) for q, v in starts])
+    states = np.column_stack([np.zeros(len(q0)), q0, v0])
 
     def run() -> None:
         rollout.rollout(model, data, states, nstep=steps)

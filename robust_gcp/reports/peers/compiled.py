@@ -39,7 +39,7 @@ HEADERS = (
     build.EIGEN,
 )
 
-_COUNTS = ("joints", "closures", "springs", "lines")
+_COUNTS = {"joints": "kind", "closures": "full", "springs": "spring", "lines": "line"}
 _ARRAYS = (
     *("kind", "parent", "axis", "placement", "inertia", "armature", "damping", "drive", "gravity"),
     *("full", "closure_joint", "closure_place", "spring_at", "line_joint", "spring", "line"),
@@ -132,7 +132,7 @@ class Loop:
     def __init__(self, mechanism: Mechanism) -> None:
         self._library, self._nq, self._nv = library(), mechanism.nq, mechanism.nv
         arrays = _described(mechanism)
-        counts = {n: len(arrays[k]) for n, k in zip(_COUNTS, ("kind", "full", "spring", "line"), strict=True)}
+        counts = {name: len(arrays[counted]) for name, counted in _COUNTS.items()}
         self._kept = {
             name: np.ascontiguousarray(arrays[name], dtype=np.int32 if name in _INTEGERS else np.float64)
             for name in _ARRAYS

@@ -124,16 +124,13 @@ def scored(contender: Contender, motion: Motion, cap: float) -> Score:
     for setting in settings_of(contender, scene, STEPS):
         outcome = contender.run(scene, setting)
         found = outcome.q[::every]
-        past = len(found) > len(motion.q)
-        found = found[: len(motion.q)]
+        past, n = len(found) > len(motion.q), min(len(found), len(motion.q))
+        errors = np.full(len(motion.q), np.inf)  # where it did not get to
         with np.errstate(over="ignore", invalid="ignore"):
-            off = np.abs(found - motion.q[: len(found)]) / scene.mechanism.units
-        errors = np.nan_to_num(off.max(axis=1), nan=np.inf)
-        gone = np.flatnonzero(errors > LOST)
-        if len(found) < len(motion.q) and not len(gone):
-            gone = np.array([len(found)])
+            off = np.abs(found[:n] - motion.q[:n]) / scene.mechanism.units
+        errors[:n] = np.nan_to_num(off.max(axis=1), nan=np.inf, posinf=np.inf)
+        gone, error = np.flatnonzero(errors > LOST), float(errors.max())
         lost = float(motion.times[gone[0]]) if len(gone) else np.nan
-        error = float(errors.max()) if len(found) == len(motion.q) else np.inf
         if error < best.error or (np.isinf(best.error) and not best.lost > lost):
             best = Score(contender.name, motion.name, error, lost, past=past)
         if outcome.seconds > cap:

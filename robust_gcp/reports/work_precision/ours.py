@@ -112,15 +112,15 @@ SCAN_STEPS = 2
 
 
 class Equations:
-    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − β² φ] for the state (q, v); α and β in 1/s.
+    """[[M, Kᵀ], [K, 0]] [a; −λ] = [τ − C; k − 2 α K v − α² φ] for the state (q, v); α in 1/s.
 
     Solved directly into a matrix that is allocated once; by least norm where K has redundant rows
     everywhere, or the matrix is singular. The mechanism has one number in q for each in v.
     """
 
-    def __init__(self, mechanism: Mechanism, alpha: float, beta: float, redundant: bool) -> None:
+    def __init__(self, mechanism: Mechanism, gain: float, redundant: bool) -> None:
         n, c = mechanism.nv, mechanism.nc
-        self._mechanism, self._gains, self._redundant = mechanism, (2.0 * alpha, beta**2), redundant
+        self._mechanism, self._gain, self._redundant = mechanism, gain, redundant
         self._matrix, self._right = np.zeros((n + c, n + c)), np.zeros(n + c)
         self.calls = 0
 
@@ -134,12 +134,12 @@ class Equations:
         matrix, right = self._matrix, self._right
         tree.jacobians(q)
         K = mechanism.implicit.jacobian()
-        residual = mechanism.implicit.residual() if any(self._gains) else None
+        residual = mechanism.implicit.residual() if self._gain else None
         matrix[n:, :n], matrix[:n, n:] = K, K.T
         right[:n] = -tree.rnea(q, v, tree.zero)
         right[n:] = mechanism.implicit.bias()
         if residual is not None:
-            right[n:] -= self._gains[0] * (K @ v) + self._gains[1] * residual
+            right[n:] -= 2.0 * self._gain * (K @ v) + self._gain**2 * residual
         if mechanism.applied is not None:
             right[:n] += mechanism.applied.torque_at(q, v)[0]
         matrix[:n, :n] = tree.crba(q)
@@ -159,46 +159,43 @@ class Equations:
 
 
 class Implicit:
-    """Eq. (2) in all joints of the tree, with fixed gains α, β of Baumgarte, 1/s."""
+    """Eq. (2) in all joints of the tree, with a fixed gain α = β of Baumgarte, 1/s."""
 
     family = "implicit"
 
-    def __init__(self, name: str, stepper: str, gains: tuple[float, float] = (0.0, 0.0)) -> None:
-        self.name, self.stepper, self.kind, self._gains = name, stepper, kind_of(stepper), gains
+    def __init__(self, name: str, stepper: str, gain: float = 0.0) -> None:
+        self.name, self.stepper, self.kind, self._gain = name, stepper, kind_of(stepper), gain
         self.tuning = "no stabilisation; direct solve, least norm where singular"
-        if any(gains):
-            equal = f"α = β = {gains[0]:g}/s (critically damped, the usual default)"
+        if gain:
+            equal = f"α = β = {gain:g}/s (critically damped, the usual default)"
             self.tuning = f"k − 2 α K v − β² φ with {equal}"
 
     def refuses(self, scene: Scene) -> str:
         """A tree has no closure to stabilise; joints with more numbers in q than in v are not covered."""
-        if scene.mechanism.nc == 0 and any(self._gains):
+        if scene.mechanism.nc == 0 and self._gain:
             return "no loop: nothing to stabilise"
         return "" if scene.mechanism.nq == scene.mechanism.nv else "q is no vector"
 
-    def gains(self, scene: Scene) -> tuple[float, float]:
-        """α and β, 1/s."""
-        return self._gains
+    def gain(self, scene: Scene) -> float:
+        """α = β, 1/s."""
+        return self._gain
 
     def run(self, scene: Scene, setting: float) -> Outcome:
         """The step in s, or rtol = atol."""
-        return self.run_with(scene, setting, self.gains(scene))
-
-    def run_with(self, scene: Scene, setting: float, gains: tuple[float, float]) -> Outcome:
-        """A run with the given gains."""
+        gain = self.gain(scene)
         s = np.linalg.svd(scene.mechanism.K(scene.q0), compute_uv=False)
-        rate = Equations(scene.mechanism, *gains, bool(np.any(s <= STRUCTURAL * s.max(initial=0.0))))
+        rate = Equations(scene.mechanism, gain, bool(np.any(s <= STRUCTURAL * s.max(initial=0.0))))
         x, n = np.concatenate([scene.q0, scene.v0]), scene.mechanism.nv
         states, seconds, stopped = stepped(rate, x, scene.times, self.stepper, setting)
         return Outcome(states[:, :n], states[:, n:], seconds, rate.calls, stopped)
 
 
 class TunedImplicit(Implicit):
-    """Eq. (2) with the gains that err least on the very scene, whose q is exact(scene): found by a scan."""
+    """Eq. (2) with the gain that errs least on the very scene, whose q is exact(scene): found by a scan."""
 
     def __init__(self, name: str, stepper: str, exact: Callable[[Scene], Array]) -> None:
         super().__init__(name, stepper)
-        self._exact, self._best = exact, dict[str, tuple[float, float]]()
+        self._exact, self._best = exact, dict[str, float]()
         self.tuning = (
             f"α = β scanned on each scene with RK4 over {RATES[0]:g} … {RATES[-1]:g} times 10/T, "
             "the least path-wise error is taken"
@@ -212,17 +209,15 @@ class TunedImplicit(Implicit):
             return f"gains are scanned on mechanisms of at most {LARGEST_SCANNED} joints"
         return super().refuses(scene)
 
-    def gains(self, scene: Scene) -> tuple[float, float]:
+    def gain(self, scene: Scene) -> float:
         """The best of the scan, kept for the scene."""
         if scene.name not in self._best:
-            exact, scan = self._exact(scene), Implicit(self.name, "rk4")
-            step, unit = float(scene.times[1]) / SCAN_STEPS, 10.0 / float(scene.times[-1])
+            exact, step = self._exact(scene), float(scene.times[1]) / SCAN_STEPS
 
             def error(gain: float) -> float:
-                return scan.run_with(scene, step, (gain, gain)).error(exact)
+                return Implicit(self.name, FIXED, gain).run(scene, step).error(exact)
 
-            best = min((factor * unit for factor in RATES), key=error)
-            self._best[scene.name] = (best, best)
+            self._best[scene.name] = min((10.0 / float(scene.times[-1]) * rate for rate in RATES), key=error)
         return self._best[scene.name]
 
 
@@ -289,7 +284,7 @@ def contenders(exact: Callable[[Scene], np.ndarray]) -> list[Contender]:
         if backends()[more.get("backend", "python")].available:
             found += [Ours(named(name, s), family, method, s, tuning, **more) for s in steppers]
     found += [Implicit("KKT (2), RK4", FIXED), Implicit("KKT (2), DOP853", "DOP853")]
-    found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, (10.0, 10.0))]
+    found += [Implicit("KKT (2) Baumgarte, RK4", FIXED, 10.0)]
     found += [TunedImplicit("KKT (2) Baumgarte tuned, RK4", FIXED, exact)]
     found += [TunedImplicit("KKT (2) Baumgarte tuned, DOP853", "DOP853", exact)]
     return found
