@@ -20,7 +20,7 @@ from ..machine import footer, machine
 from ..tools import tools
 from ..work_precision import ours
 from ..work_precision.measure import settings_of
-from ..work_precision.references import Motion, Reference
+from ..work_precision.references import Motion
 from .problems import PROBLEMS, Problem
 from .values import VALUES, Value
 
@@ -92,17 +92,15 @@ def run(args: argparse.Namespace) -> int:
 def _best_of(problem: Problem, args: argparse.Namespace, own: str, where: dict[str, str]) -> list[Reached]:
     """The fastest of each family, and the files where they are wanted."""
     motion = problem.motion()
-    exact = motion.solve()
     found: list[Reached] = []
-    for tool in tools(lambda scene: exact.q, args.method, [own]):
+    for tool in tools(lambda scene: motion.reference.q, args.method, [own]):
         if tool.refuses(motion.scene):
             continue
-        reached = list(measured(problem, motion, exact, tool, args.cap))
+        reached = list(measured(problem, motion, tool, args.cap))
         found += reached
         good = [one for one in reached if np.isfinite(one.error)]
         if args.out is not None and tool.name == own and good:
-            args.out.mkdir(parents=True, exist_ok=True)
-            _deliver(args.out, problem, motion, exact, tool, good[-1], where)
+            _deliver(args.out, problem, motion, tool, good[-1], where)
     return fastest(found)
 
 
@@ -122,9 +120,8 @@ def value_row(value: Value) -> list[str]:
 
 
 def _deliver(
-    out: Path, problem: Problem, motion: Motion, exact: Reference, tool: Contender, best: Reached,
-    where: dict[str, str],
-) -> None:  # fmt: skip
+    out: Path, problem: Problem, motion: Motion, tool: Contender, best: Reached, where: dict[str, str]
+) -> None:
     """The results file of our most precise run, and what the library's form asks for."""
     outcome = tool.run(motion.scene, best.setting)
     columns = problem.delivered(motion.scene.mechanism, outcome.q, outcome.v)
@@ -137,7 +134,7 @@ def _deliver(
         f"{problem.name}: {problem.title}\n\n"
         "The library (iftomm-multibody.org, Benchmark, Submit a solution) asks for:\n\n"
         f"Accuracy: {best.error:.2e} (largest error of {', '.join(problem.columns)} at 401 instants)\n"
-        f"Exact motion: {exact.source}\n"
+        f"Exact motion: {motion.reference.source}\n"
         f"CPU time: {best.seconds:.3g} s (least of {REPEATED}, one thread; step {best.setting:.3g} s)\n"
         f"CPU / GPU: {where['cpu']}\nOperating system: {where['os']}\n"
         f"Results file: {problem.name}_solution.txt (time, {', '.join(problem.columns)}; SI units)\n"
@@ -150,10 +147,9 @@ def _deliver(
 # --------------------------------------------------------------------------- from coarse steps to fine ones
 
 
-def measured(
-    problem: Problem, motion: Motion, exact: Reference, contender: Contender, cap: float
-) -> Iterator[Reached]:
+def measured(problem: Problem, motion: Motion, contender: Contender, cap: float) -> Iterator[Reached]:
     """Both precisions; settings are left once one takes longer than `cap` seconds."""
+    exact = motion.reference
     wanted = problem.delivered(motion.scene.mechanism, exact.q, exact.v)
     settings = settings_of(contender, motion.scene, motion.steps)
     left = list(problem.allowed)

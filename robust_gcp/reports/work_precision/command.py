@@ -14,16 +14,15 @@ import numpy as np
 
 from ...arguments import Arguments, existing_folder, folder, number, part, positive, whole
 from ...drawing.figures import style as plots
-from ...mechanism.tree.tree import Array
 from ...printing import along, write
 from .. import pages, peers
-from ..contender import Contender, Scene
+from ..contender import Contender
 from ..machine import THREADS, footer
 from ..tools import tools
 from . import figures, verdicts
 from .measure import Judge, Point, Store, climb, settings_of
 from .ours import FLOOR, Floor
-from .references import Motion, Reference
+from .references import Motion
 from .scenes import MOTIONS
 from .verdicts import OURS
 
@@ -60,21 +59,11 @@ class Study:
     repeats: int  # timed runs of each point
     quick: bool  # a short ladder
     cap: float | None = None  # longest run, s; each scene's own when None
-    references: dict[str, Reference] = field(default_factory=dict)
     refused: dict[str, list[str]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.motions = {name: MOTIONS[name]() for name in self.scenes}
-        self.contenders = tools(self._exact, self.wanted)
-
-    def _exact(self, scene: Scene) -> Array:
-        return self.reference(scene.name).q
-
-    def reference(self, name: str) -> Reference:
-        """The scene's exact motion, computed once."""
-        if name not in self.references:
-            self.references[name] = self.motions[name].solve()
-        return self.references[name]
+        self.contenders = tools(lambda scene: self.motions[scene.name].reference.q, self.wanted)
 
     def run(self) -> None:
         """Measure what is missing, with a bar; floors last, at the settings that ours were run at."""
@@ -98,7 +87,7 @@ class Study:
 
     def _points(self, motion: Motion, contender: Contender, settings: list[float]) -> Iterator[Point]:
         name = motion.scene.name
-        judge = Judge(motion.scene, self.reference(name))
+        judge = Judge(motion.scene, motion.reference)
         known = self.store.known(name, contender.name)
         cap = motion.cap if self.cap is None else self.cap
         if contender.family != FLOOR:
@@ -164,8 +153,8 @@ def tell(study: Study, docs: Path | None) -> None:
     store, out = study.store, study.store.folder
     foot = footer(store.header["machine"], store.header["begun"])
     found = ((name, verdicts.curves_of(store.points.values(), name)) for name in study.motions)
-    curves = {name: known for name, known in found if known}
-    rows = {name: (study.motions[name].title, known, study.reference(name)) for name, known in curves.items()}
+    motions = study.motions
+    rows = {name: (motions[name].title, known, motions[name].reference) for name, known in found if known}
     tables = [verdicts.ratios([*rows.values()]), verdicts.seconds([*rows.values()])]
     print("\n".join([tables[0], "", tables[1], "", foot]))
     for name, row in rows.items():

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Any
 
@@ -60,6 +61,11 @@ class Motion:
     solve: Callable[[], Reference]
     steps: tuple[int, ...] = STEPS  # steps in each output interval
     cap: float = 0.5  # longest run that is timed, s
+
+    @cached_property
+    def reference(self) -> Reference:
+        """The exact motion, solved once."""
+        return self.solve()
 
 
 def times_of(duration: float) -> Array:
