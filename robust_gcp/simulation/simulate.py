@@ -210,7 +210,7 @@ def simulate(
     course = Course(
         mechanism, schedule, duration, step, choice, drives, tableau, solver, Acted(applied, tuple(wrenches)),
         *asked, on_toggle,
-        restitution=checked_cusp(on_cusp, parts),
+        restitution=checked_cusp(on_cusp, parts, isinstance(acting, HeldTorque)),
     )  # fmt: skip
     refused = {
         f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
@@ -226,10 +226,11 @@ def simulate(
     return course.through_phases(parts, *given, refused, progress)  # on a cusp's arc it has no plain steps
 
 
-def checked_cusp(on_cusp: Any, parts: Sequence[Part]) -> float | None:
+def checked_cusp(on_cusp: Any, parts: Sequence[Part], held: bool) -> float | None:
     """The share of the speed that is kept at a cusp; None where a motion ends there. Or an OptionError."""
-    if parts and on_cusp != "error":
-        raise OptionError("on_cusp: a turn at cusps does not go with joints= yet; leave one of them out")
+    other = "joints=" if parts else "hold=True" if held else None
+    if other is not None and on_cusp != "error":
+        raise OptionError(f"on_cusp: a turn at cusps does not go with {other} yet; leave one of them out")
     if isinstance(on_cusp, str):
         check_choice("on_cusp", on_cusp, ("error", "turn"))
         return None if on_cusp == "error" else 1.0

@@ -403,6 +403,35 @@ def test_a_motion_that_turns_back_before_a_cusp_goes_on_where_it_may() -> None:
     assert np.abs(run.energy_error()).max() < 1e-7
 
 
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_starts_beside_a_cusp_arrive_turn_and_leave(backend: str) -> None:
+    """As a motion does that was there before, by its time, place and velocity."""
+    mechanism, q, v = _to_the_cusp()
+    long = rg.simulate(mechanism, q, v, duration=0.08, step=1e-3, on_cusp="turn", backend=backend)
+    (cusp,) = long.happenings
+    for since in (0.03, 0.06):  # before it and after it
+        here, how = long.at(since), {"step": 1e-3, "t0": since, "backend": backend}
+        rest = rg.simulate(mechanism, here.q, here.v, duration=0.08 - since, on_cusp="turn", **how)
+        assert rest.q[-1] == pytest.approx(long.q[-1], abs=1e-9)
+        assert [x.time for x in rest.happenings] == pytest.approx([cusp.time][: since < cusp.time], abs=1e-10)
+        assert np.abs(rest.energy_error()).max() < 1e-10
+    here = long.at(0.03)
+    with pytest.raises(rg.CuspError) as caught:
+        rg.simulate(mechanism, here.q, here.v, duration=0.05, step=1e-3, t0=0.03, backend=backend)
+    assert caught.value.time == pytest.approx(cusp.time, abs=1e-10)
+    assert caught.value.trajectory.t[-1] == pytest.approx(cusp.time, abs=1e-10)
+
+
+def test_a_turn_at_a_cusp_under_held_torques_is_refused() -> None:
+    mechanism, q, v = _to_the_cusp()
+    how = {"duration": 0.1, "step": 1e-3, "hold": True, "torque": {"x": lambda t, q, v: 0.0}}
+    with pytest.raises(rg.OptionError, match="hold=True"):
+        rg.simulate(mechanism, q, v, on_cusp="turn", **how)
+    with pytest.raises(rg.CuspError) as caught:
+        rg.simulate(mechanism, q, v, **how)
+    assert caught.value.time is None and len(caught.value.branches) == 2
+
+
 def test_restitution_at_a_cusp() -> None:
     mechanism, q, v = _to_the_cusp()
     run = rg.simulate(mechanism, q, v, duration=0.1, step=1e-3, on_cusp=0.5)

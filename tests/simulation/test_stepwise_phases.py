@@ -12,6 +12,7 @@ import pytest
 from numpy.typing import NDArray
 
 import robust_gcp as rg
+from robust_gcp.examples.meetings import cusp_cam
 
 from .machines import BACKENDS, change_point, pendulum, require_backend, require_sound, sliders, times_of
 
@@ -280,3 +281,17 @@ def test_what_does_not_go_together() -> None:
         rg.Simulation(pendulum(), [-1.5], joints=parts)
     with pytest.raises(rg.OptionError, match="no Stop"):
         rg.Simulation(pendulum(), joints=["q1"])  # type: ignore[list-item]
+
+
+def test_a_simulation_that_stops_tells_when() -> None:
+    mechanism = cusp_cam(0.1)
+    v = mechanism.lift(mechanism.home, [-2.5])
+    sim = rg.Simulation(mechanism, mechanism.home, v, joints=[rg.Stop("x", upper=0.3)])
+    begun = sim.save()
+    with pytest.raises(rg.CuspError):
+        sim.step(n=100)
+    assert 0.01 < sim.t < 0.05
+    assert sim.t == pytest.approx(sim.trajectory.t[-1], abs=1e-15)
+    assert sim.q == pytest.approx(sim.trajectory.q[-1], abs=0.0)
+    sim.restore(begun)
+    assert sim.step(n=3).t == 3e-3

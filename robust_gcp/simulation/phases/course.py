@@ -92,7 +92,11 @@ class Phases(RoundCusps):
             self.joined.add(rested(machines, self._phase, self._state, after).block.first(1), self._phase)
             return
         self._stretch = self._looked_at(machine)
-        steps = self._new_leg(machine).since(0)
+        try:
+            steps = self._new_leg(machine).since(0)
+        except CuspError as fault:
+            self._round(fault)
+            return
         self._keep(steps, self._stretch.forces(steps, 0)[None])
 
     def _require_progress(self) -> None:
@@ -151,15 +155,15 @@ class Phases(RoundCusps):
         steps = leg.since(self._read)
         last = len(steps.t) - 1
         found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
-        if fault is not None and found is None and leg.at <= i:
-            if isinstance(fault, CuspError):
-                raise fault
-            self._collect()
-            steps, found, held = self._finer(machine, leg, fault)
-        if found is None and isinstance(fault, CuspError) and fault.arrival is not None and self._free:
+        if found is None and isinstance(fault, CuspError):
             self._keep(steps, held)
+            self._read = leg.at
+            self._drop()
             self._round(fault)
             return
+        if fault is not None and found is None and leg.at <= i:
+            self._collect()
+            steps, found, held = self._finer(machine, leg, fault)
         k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
         switched = end in self._switches or (leg.ended and not self._over)
         if found is None and switched:  # the state before; what follows has one of its own

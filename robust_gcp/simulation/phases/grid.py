@@ -29,9 +29,9 @@ class Grid:
     step: float
     times: Array | None = None
 
-    def number(self, k: int) -> float:
-        """Its k-th time, s."""
-        return self.t0 + self.step * k if self.times is None else float(self.times[k])
+    def number(self, k: float) -> float:
+        """Its k-th time, s; what lies between two for a part of a step, where times are not given."""
+        return self.t0 + self.step * k if self.times is None else float(self.times[int(k)])
 
     @property
     def end(self) -> float:

@@ -45,7 +45,7 @@ class PhasedRun(Phases):
     ) -> None:  # fmt: skip
         chosen = Chosen(Grid(t0, course.step), None, keep)
         super().__init__(course, parts, start, held, kernel, required, chosen)
-        self._at = 0
+        self._at: float = 0
         self._first: tuple[dict[str, Array], Trajectory] | None = None
 
     def begin(self) -> None:
@@ -61,7 +61,11 @@ class PhasedRun(Phases):
         self.hold(torque)
         self._first = None
         self._at += n
-        self.advance(self._grid.number(self._at))
+        try:
+            self.advance(self._grid.number(self._at))
+        except BaseException:
+            self._at = (float(self.last["t"]) - self._grid.t0) / self._grid.step  # where it stopped
+            raise
         self.passed.turns.clear()  # nobody takes the steps of a simulation again
 
     def room_for(self, n: int, step: float) -> None:

@@ -34,13 +34,13 @@ class RoundCusps(Progress):
         Raises
         ------
         CuspError
-            At the cusp, where no e is given.
+            At the cusp, where no e is given; here, where the motion is not followed there.
         """
+        if fault.arrival is None or not self._free:
+            raise fault
         arc, part = fault.arrival
         e, end = self._machines.course.restitution, self._grid.end
-        assert self._leg is not None
-        self._read = self._leg.at
-        self._drop()
+        self._keep(part.steps(np.array([self._t])), np.zeros((1, len(self._rows.rows))))
         while self._along(part):
             if e is None:
                 raise fault

@@ -11,6 +11,7 @@ import numpy as np
 
 from ...dynamics.equations import Evaluation
 from ...dynamics.prescribed.control import Actuated
+from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
 from ...maps.classical import SingularityWarning
@@ -116,14 +117,21 @@ class Run:
         return self._motion.mechanism.independent
 
     def arrive(self, error: CuspError) -> None:
-        """Tell a cusp when and how the motion arrives there from the last output."""
+        """Tell a cusp when and how the motion arrives there from the last output.
+
+        Not when and how under torques that are held, which are others by then.
+        """
         from .cusp import arrive  # a run without one need not load it
 
         motion, record = self._motion, self._record
-        state = record.time, *record.state()
+        point = motion.start.point
+        start = float(self.times[0]), point.q, point.G @ motion.start.ydot
+        state = (record.time, *record.state()) if record.count else start
         end, options = float(self.times[-1]), motion.choice.options
         with suppress(SimulationError, np.linalg.LinAlgError):  # the cusp is told of without it
             arrive(error, motion.mechanism, motion.equations.acting, state, end, options)
+        if isinstance(motion.torque, HeldTorque):
+            error.time = error.v = error.arrival = None
 
     # --------------------------------------------------------------------- within a step
 
