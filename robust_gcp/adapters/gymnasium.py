@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ..checks import check_mechanism, check_positive, check_whole, shown
+from ..checks import check_callable, check_mechanism, check_positive, check_whole, shown
 from ..errors import OptionError, missing_extra
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.joints import JointKind
@@ -102,6 +102,8 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._by = np.array([mechanism.velocity({name: most}, "motors") for name, most in motors.items()])
         self._reward, self._start, self._done = reward, start, done
         self._substeps, self._max_steps = substeps, max_steps
+        for label, function in (("reward", reward), ("start", start), ("done", done), ("observe", observe)):
+            check_callable(label, function, "of arrays, see MechanismVectorEnv")
         self._observe = self._usual if observe is None else observe
         q0, v0 = (None, None) if start is None else start(np.random.default_rng(0), num_envs)
         self.batch = Batch(mechanism, num_envs, q0, v0, step, threads=threads)
@@ -109,17 +111,22 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         self._turning[[joint.idx_q for joint in mechanism.joints if joint.kind == JointKind.REVOLUTE]] = True
         self.num_envs, self._age = num_envs, np.zeros(num_envs, np.int64)
         self._over = np.zeros(num_envs, bool)
-        size = np.asarray(self._observe(self.batch.q, self.batch.v)).shape[1]
+        seen = np.shape(self._observe(self.batch.q, self.batch.v))
+        if len(seen) != 2 or seen[0] != num_envs:
+            raise OptionError(f"observe(q, v) returned shape {seen}, expected ({num_envs}, k)")
+        size = seen[1]
         self.single_observation_space = Box(-np.inf, np.inf, (size,), np.float32)
         self.single_action_space = Box(-1.0, 1.0, (len(motors),), np.float32)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
 
     def reset(
-        self, *, seed: int | list[int | None] | None = None, options: dict[str, Any] | None = None
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Any, dict[str, Any]]:
-        """Begin all motions anew."""
-        super().reset(seed=seed if not isinstance(seed, list) else seed[0], options=options)
+        """Begin all motions anew; all of them draw from one generator, which `seed` is of."""
+        if seed is not None:
+            check_whole("seed", seed, 0)
+        super().reset(seed=None if seed is None else int(seed), options=options)
         self._begin(np.arange(self.num_envs))
         return self._observed(), {}
 
@@ -133,13 +140,20 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
             self._begin(np.flatnonzero(over))
         self._age[~over] += 1
         q, v = self.batch.q, self.batch.v
-        reward = np.where(over, 0.0, self._reward(q, v, given))
+        reward = np.where(over, 0.0, self._each("reward(q, v, action)", self._reward(q, v, given)))
         terminated = (self.batch.status != 0) & ~over
         if self._done is not None:
-            terminated |= np.asarray(self._done(q, v), bool) & ~over
+            terminated |= self._each("done(q, v)", self._done(q, v)).astype(bool) & ~over
         truncated = (self._age >= self._max_steps) & ~terminated & ~over
         self._over = terminated | truncated
         return self._observed(), reward, terminated, truncated, {}
+
+    def _each(self, label: str, value: Any) -> Any:
+        """What a function of the user's says of each motion, or of all."""
+        found = np.asarray(value)
+        if found.shape not in ((), (self.num_envs,)) or found.dtype.kind not in "biuf":
+            raise OptionError(f"{label} returned {shown(value)}, expected ({self.num_envs},) numbers")
+        return found
 
     def _begin(self, rows: Any) -> None:
         q0, v0 = (None, None) if self._start is None else self._start(self.np_random, len(rows))

@@ -23,6 +23,9 @@ from ..simulation.trajectories.trajectory import Trajectory, energy_drift
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+OWN = {"index", "ok", "rows", "t", "max_closure_error", "max_energy_error", "crossings", "failure"}
+"""Columns that are no parameters."""
+
 LONGEST = 20_000
 """Characters kept of a message (its beginning) and of a traceback (its end)."""
 
@@ -105,8 +108,9 @@ class Records(list[RunRecord]):
     def columns(self) -> dict[str, list[Any]]:
         """One value a run and name: "index", "ok", the parameters, the numbers of `summary`, "failure".
 
-        q and v at the end are "q.0", "q.1", … and "v.0", …; counts of `Stats` "stats.rhs" and so on. None
-        where a run has none.
+        q and v at the end are "q.0", "q.1", … and "v.0", …; counts of `Stats` "stats.rhs" and so on; a
+        parameter of a function that has one of the other names, such as t, "build.t". None where a run has
+        none.
         """
         rows = [_row(record) for record in self]
         names = list(dict.fromkeys(name for row in rows for name in row))
@@ -122,7 +126,8 @@ class Records(list[RunRecord]):
 
 
 def _row(record: RunRecord) -> dict[str, Any]:
-    row: dict[str, Any] = {"index": record.index, "ok": record.ok, **record.parameters}
+    row: dict[str, Any] = {"index": record.index, "ok": record.ok}
+    row |= {f"build.{name}" if name in OWN else name: value for name, value in record.parameters.items()}
     for name, value in (record.summary or {}).items():
         if isinstance(value, list):
             row |= {f"{name}.{i}": number for i, number in enumerate(value)}

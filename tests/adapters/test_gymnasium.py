@@ -85,3 +85,24 @@ def test_actions_of_another_shape() -> None:
     env.reset()
     with pytest.raises(rg.OptionError, match="shape"):
         env.step(np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("given", "match"),
+    [({"reward": lambda q, v, action: -(action**2)}, r"reward\(q, v, action\)"),
+     ({"reward": lambda q, v, action: None}, "reward"), ({"reward": 1.0}, "reward"),
+     ({"done": lambda q, v: q[:, :1] > 0.0}, r"done\(q, v\)"),
+     ({"observe": lambda q, v: q[:, 0]}, "observe"), ({"observe": lambda q, v: q[:1]}, "observe")],
+)  # fmt: skip
+def test_what_functions_say_is_of_each_motion(given: dict[str, Any], match: str) -> None:
+    """Rewards (N, 1) were spread to (N, N) without a word."""
+    with pytest.raises(rg.OptionError, match=match):
+        MechanismVectorEnv(MECH, 3, **({"motors": {"q1": 1.0}, "reward": _reward} | given)).step(
+            np.zeros((3, 1))
+        )
+
+
+def test_seeds_of_each_motion_are_refused() -> None:
+    for seed in ([1, 2, 3], [], "a", -1):
+        with pytest.raises(rg.OptionError, match="seed"):
+            _env().reset(seed=seed)  # type: ignore[arg-type]

@@ -641,3 +641,15 @@ def test_records_are_a_table(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     assert float(rows[2]["v.1"]) == records[2].summary["v"][1] and rows[1]["v.1"] == ""
     assert rg.sweep("rhombus", [], workers=0).columns() == {}
+
+
+def crank_of(t: float, ok: bool, index: int) -> rg.Mechanism:
+    """Parameters that are called as columns are."""
+    return rg.load("crank_rocker")
+
+
+def test_parameters_called_as_columns_are_kept() -> None:
+    runs = [{"t": 0.5, "ok": False, "index": 7}]
+    table = rg.sweep(crank_of, runs, workers=0, duration=0.1, step=1e-2).columns()
+    assert (table["index"], table["ok"], table["t"]) == ([0], [True], [0.1])
+    assert (table["build.index"], table["build.ok"], table["build.t"]) == ([7], [False], [0.5])
