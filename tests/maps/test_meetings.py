@@ -422,6 +422,21 @@ def test_starts_beside_a_cusp_arrive_turn_and_leave(backend: str) -> None:
     assert caught.value.trajectory.t[-1] == pytest.approx(cusp.time, abs=1e-10)
 
 
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("record", [(), ("a",)])
+def test_motions_are_known_between_outputs_beside_a_cusp(record: tuple[str, ...]) -> None:
+    """The acceleration is infinite there; what is drawn asks between outputs too."""
+    mechanism, q, v = _to_the_cusp()
+    run, fine = (
+        rg.simulate(mechanism, q, v, 0.05, step, on_cusp="turn", record=record) for step in (1e-3, 1e-4)
+    )
+    times = np.linspace(0.0, 0.05, 501)
+    assert run.at(times).q == pytest.approx(fine.at(times).q, abs=2e-5)
+    assert np.isfinite(run.at(times).v).all()
+    with pytest.raises(rg.NotDifferentiableError, match="cusp"):
+        rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0]))
+
+
 def test_a_turn_at_a_cusp_under_held_torques_is_refused() -> None:
     mechanism, q, v = _to_the_cusp()
     how = {"duration": 0.1, "step": 1e-3, "hold": True, "torque": {"x": lambda t, q, v: 0.0}}

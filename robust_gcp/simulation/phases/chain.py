@@ -270,8 +270,10 @@ def _slope(mechanism: Mechanism, q: Array, v: Array, mode: Any = None) -> Slope:
 
 
 def _require_followed(run: Trajectory, passed: Passed) -> None:
-    """Refuse torques held over steps, outputs that are no ends of steps, and locks that events close."""
+    """Refuse held torques, outputs that are no ends of steps, locks that events close, and cusps."""
     machines = passed.machines
+    if any(happening.kind == "cusp" for happening in run.happenings):
+        raise NotDifferentiableError("derivatives: they do not follow a turn at a cusp; simulate up to it")
     if machines.held is not None:
         raise OptionError(
             "derivatives: torques or controls were held over steps (hold=True), which they do not follow "

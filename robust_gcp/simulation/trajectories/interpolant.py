@@ -8,7 +8,8 @@ five that meets position, velocity and acceleration at both ends:
 c is the cubic through positions and velocities; A and B make up what its second derivative lacks at x = 0
 and at x = 1. The error of q is O(h⁶), that of v O(h⁵), of a O(h⁴): at least RK4's. A torque that jumps at t₁
 makes a jump there, and the acceleration recorded at t₁ is the one after it: B = 0 then, the polynomial of
-degree four through the other five data, with errors O(h⁵), O(h⁴), O(h³).
+degree four through the other five data, with errors O(h⁵), O(h⁴), O(h³). At a cusp, where the acceleration
+is infinite, s is the cubic.
 """
 
 from __future__ import annotations
@@ -116,6 +117,8 @@ def _quintic(
 ) -> tuple[Array, Array, Array]:
     """s, ds/dt and d²s/dt² at x, with s(0) = 0 and s(1) = s1; rates and accelerations by time."""
     b, c = 3.0 * s1 - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * s1  # cubic: h v0 x + b x² + c x³
+    known = np.isfinite(a0) & np.isfinite(a1)
+    a0, a1 = np.where(known, a0, 2.0 * b / (h * h)), np.where(known, a1, (2.0 * b + 6.0 * c) / (h * h))
     A = 0.5 * (h * h * a0 - 2.0 * b)
     B = 0.5 * (h * h * a1 - (2.0 * b + 6.0 * c)) - A
     bend = 2.0 * b + 3.0 * c - A - 0.5 * h * h * (a0 + a1)  # of the acceleration, at mid-step
