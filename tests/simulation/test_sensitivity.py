@@ -534,3 +534,19 @@ def test_what_is_not_followed_is_refused() -> None:
     ):  # fmt: skip
         with pytest.raises(kind, match=words):
             rg.sensitivity(run)
+
+
+def test_a_run_that_stopped_is_differentiated_up_to_there() -> None:
+    mech, parts = rg.load("slider_crank"), [rg.Stop("q3", lower=2.6, restitution=0.5)]
+
+    def torque(t: float, q: Array, v: Array) -> float:
+        return np.nan if t > 1.4 + 1e-9 else 0.3
+
+    asked: dict[str, Any] = {"step": 1e-2, "joints": parts, "torque": {"q1": torque}}
+    with pytest.raises(rg.NonFiniteError) as caught:
+        rg.simulate(mech, duration=2.0, **asked)
+    assert caught.value.trajectory is not None
+    whole_run = rg.simulate(mech, duration=1.4, **asked)
+    assert [x.kind for x in whole_run.happenings] == ["impact"]
+    found, wanted = whole(rg.sensitivity(caught.value.trajectory)), whole(rg.sensitivity(whole_run))
+    assert found == pytest.approx(wanted, abs=1e-12)

@@ -267,3 +267,14 @@ def test_interpolated_motion_is_the_motion(fall: rg.Trajectory) -> None:
     coarse = CubicHermiteSpline(fall.t[::2], fall.q[::2], fall.v[::2])
     # (2h)⁴/384 · q⁗, some hundred: 1e-9 · 1e2
     np.testing.assert_allclose(coarse(fall.t[1::2]), fall.q[1::2], atol=1e-7)
+
+
+def test_a_run_without_outputs_answers_with_nothing_and_is_not_drawn(tmp_path: Path) -> None:
+    """Such as one that stops before its first output, or of a simulation that keeps none."""
+    empty = rg.Simulation(rg.load("rhombus"), keep="none").step(n=3).trajectory
+    assert empty.energy_error().shape == empty.closure_error().shape == (0,)
+    for draw in (empty.plot, empty.strobe, lambda: empty.animate(tmp_path / "run.gif")):
+        with pytest.raises(rg.StateError, match="empty"):
+            draw()
+    with pytest.raises(rg.StateError, match="empty"):
+        rg.simulate(rg.load("rhombus"), duration=0.1, step=1e-2).plot("q", overlay=empty)

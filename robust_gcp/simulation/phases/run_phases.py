@@ -48,6 +48,7 @@ def run_phases(
         run = phases.trajectory(begun)
     except SimulationError as error:
         error.trajectory = phases.trajectory(begun)
+        error.trajectory.passed = phases.passed
         raise
     finally:
         phases.passed.machines.release()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ...checks import listed, shown
-from ...errors import OptionError
+from ...errors import OptionError, StateError
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -74,6 +74,8 @@ class Pictures:
             runs = {f"run {i}": run for i, run in enumerate((self, *more), start=1)}
         if not all(isinstance(run, Pictures) for run in runs.values()):
             raise OptionError(f"overlay = {shown(overlay)} must hold what simulate returns")
+        for run in runs.values():
+            _with_outputs(run)
         return plot_motion(runs, what, path, joints, x)
 
     def strobe(
@@ -110,7 +112,7 @@ class Pictures:
         """
         from ...drawing.figures.draw import strobe
 
-        run: Any = self
+        run = _with_outputs(self)
         return strobe(run, n, path, between, ax)
 
     def animate(self, path: str | Path, *, fps: float = 25.0, speed: float = 1.0) -> Path:
@@ -139,5 +141,12 @@ class Pictures:
         """
         from ...drawing.figures.animation import animate
 
-        run: Any = self
+        run = _with_outputs(self)
         return animate(run, path, fps, speed)
+
+
+def _with_outputs(run: Any) -> Any:
+    """The run, or a StateError where it has no outputs."""
+    if not len(run.t):
+        raise StateError("the trajectory is empty: there is nothing to draw")
+    return run

@@ -272,5 +272,5 @@ class Trajectory(Named, Pictures):
 
 def energy_drift(energy: Array, work: Array | None) -> Array:
     """Energy (N + 1,) minus its start, and minus the work done since, J."""
-    drift: Array = energy - energy[0]
-    return drift if work is None else drift - (work - work[0])
+    drift: Array = energy - energy[:1]
+    return drift if work is None else drift - (work - work[:1])
