@@ -134,7 +134,9 @@ def check_callable(name: str, value: Any, arguments: str) -> None:
         raise OptionError(f"{name} = {shown(value)} must be a function {arguments}")
 
 
-WITH_PARTS = ("simulate", "Simulation", "Batch", "MechanismVectorEnv", "analyse", "draw", "trace_modes")
+WITH_PARTS = (
+    "simulate", "Simulation", "Batch", "MechanismVectorEnv", "impact", "analyse", "draw", "trace_modes"
+)  # fmt: skip
 """Functions that take a mechanism with stops and dry friction of its file."""
 
 

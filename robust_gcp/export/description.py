@@ -80,6 +80,7 @@ def require_compiled(mechanism: Mechanism) -> None:
     reasons = {
         "forces of your own, which are Python": own is not None,
         "stops and friction of its file (load it without limits=, friction=)": bool(mechanism.parts),
+        "joints that move the ground, free there (load it without moving=)": bool(mechanism.moved),
         "paths of actuators that only Python knows": not drives_in_kernel(mechanism),
         "actuators with activations": any(a.dynamics != "none" for a in mechanism.actuators),
     }

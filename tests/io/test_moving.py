@@ -132,3 +132,13 @@ def test_wrong_words_for_what_moves(tmp_path: Path) -> None:
         rg.Mechanism.from_mjcf(TABLE, moving={"table": ("x",)}, base="free")
     with pytest.raises(rg.OptionError, match="moving= is for MJCF"):
         rg.load("rhombus", moving={"table": ("x",)})
+
+
+def test_programs_without_python_and_impulses_do_not_know_it(tmp_path: Path) -> None:
+    """There the table was free: written without a word, and pushed away by an impulse."""
+    mech = rg.Mechanism.from_mjcf(TABLE, moving={"table": ("x",)})
+    for name in ("table.rgcp", "table.fmu"):
+        with pytest.raises(rg.ModelError, match="moving="):
+            mech.export(tmp_path / name)
+    with pytest.raises(rg.OptionError, match="impact does not know"):
+        mech.impact([0.0, 0.3], [0.0, 1.0], [rg.Stop("q", upper=0.3)])

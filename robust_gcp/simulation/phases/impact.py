@@ -12,9 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ...checks import check_mechanism
 from ...errors import SimulationError
 from ...maps.classical import SingularityWarning
 from ...maps.start_check import require_compatible
+from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import parts_given
 from ...mechanism.tolerances import NEARLY_CLOSED
 from ...mechanism.tree.tree import Array
@@ -158,6 +160,7 @@ def settled_impacts(
 
 def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) -> Impact:
     """`Mechanism.impact`."""
+    check_mechanism(mechanism, Mechanism, "impact")
     at, after = mechanism.configuration(q), mechanism.velocity(v)
     mechanism.require_closed(at, NEARLY_CLOSED, "impact: q")
     require_compatible(mechanism, at, after)
