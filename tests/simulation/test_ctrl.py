@@ -335,3 +335,33 @@ def test_files_keep_them(tmp_path: Any) -> None:
     assert read.mechanism.actuators == mech.actuators and read.mechanism.tendons == mech.tendons
     assert read["actuator.m"] == pytest.approx(run["actuator.m"], abs=0.0)
     assert pickle.loads(pickle.dumps(mech)).actuators == mech.actuators
+
+
+def test_what_drove_it_is_told_of_controls_that_are_held() -> None:
+    """With stops and locks as without: each output's own control; activations within steps too."""
+    crank = rg.load("slider_crank")
+    servo = rg.Actuator.position("servo", "q1", kp=20.0, kv=1.0)
+    lag = rg.Actuator("lag", "q3", gain=(5.0,), dynamics="filter", time=(0.1,))
+    more = crank.independent, crank.home
+    mech = rg.Mechanism.from_pinocchio(crank.model, crank.closures, *more, actuators=[servo, lag])
+    ctrl = {"lag": lambda t, q, v: np.sin(8.0 * t), "servo": lambda t, q, v: np.cos(9.0 * t)}
+    asked: dict[str, Any] = {"v0": [0, 0, 0], "duration": 0.1, "step": 2e-3, "ctrl": ctrl, "hold": True}
+    plain = rg.simulate(mech, joints=[], **asked)
+    outputs = np.array([0.0507, 0.0522, 0.0731])
+    k = np.floor(outputs / 2e-3).astype(int)
+    w, u = plain["activation.lag"][k], np.sin(8.0 * plain.t[k])
+    expected = w + (u - w) * -np.expm1(-(outputs - plain.t[k]) / 0.1)
+    within = rg.simulate(mech, outputs=outputs, **asked)
+    np.testing.assert_allclose(within["activation.lag"], expected, atol=1e-14)
+    for part in (
+        rg.Lock("q1", start=9.0),
+        rg.Stop("q3", lower=-9.0),
+        rg.Stop("q3", lower=-9.0, stiffness=1.0),
+    ):
+        run = rg.simulate(mech, joints=[part], **asked)
+        sim = rg.Simulation(mech, [*mech.home], [0, 0, 0], step=2e-3, joints=[part])
+        for _ in range(50):
+            sim.step(ctrl={name: function(sim.t, sim.q, sim.v) for name, function in ctrl.items()})
+        for name in ("actuator.servo", "actuator.lag", "activation.lag"):
+            np.testing.assert_allclose(run[name], plain[name], atol=1e-12)
+            np.testing.assert_allclose(sim.trajectory[name], plain[name], atol=1e-12)

@@ -155,15 +155,13 @@ class HeldTorque(TorqueFunction):
         return self._driven(self.controls, self.value[-n - 1 : -1], t - float(self.value[-1]))
 
     def driven(self, rows: Array, t: Array) -> Array | None:
-        """u at outputs (N,), of the values (N, …) held from them on: (N, n), the last of them as it is now.
-
-        None where there never was power.
-        """
+        """u at outputs (N,), of the values (N, …) held there: (N, n). None where there never was power."""
         n = len(self._actuators)
         u = rows[:, self._size : self._size + n].copy()
         if not n or not len(t) or rows.shape[1] == self._size or np.all(np.isnan(u)):
             return None
-        u[-1] = self.u(float(t[-1]))
+        for k in np.flatnonzero(t != rows[:, -1]) if self.stride else ():  # within steps
+            u[k] = self._driven(rows[k, -2 * n - 1 : -n - 1], rows[k, -n - 1 : -1], t[k] - rows[k, -1])
         return u
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:

@@ -59,6 +59,8 @@ class Phases(RoundCusps):
         assert held is not None
         if np.array_equal(torque, held.value, equal_nan=True):
             return
+        if self._rows.mechanism.actuators:
+            self._collect()  # outputs are told what drove them
         held.value = torque
         if self._fresh:
             return
