@@ -12,6 +12,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
+from pathlib import Path
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -273,3 +274,22 @@ def test_a_page_of_another_origin_is_refused() -> None:
         url = f"ws://127.0.0.1:{port_of(viewer.url)}/"
         with pytest.raises(HTTPClientError, match="403"):
             asyncio.run(connect(url, "http://elsewhere.example"))
+
+
+def test_motions_of_other_linkages_with_as_many_joints_are_refused() -> None:
+    """They were played on this one, and drawn over it in its units."""
+    rhombus, slide = rg.load("rhombus"), rg.load("slider_crank")
+    run, other = (rg.simulate(mech, duration=0.01, step=1e-3) for mech in (rhombus, slide))
+    with rg.live(rhombus) as viewer:
+        viewer.play(run)
+        for wrong in (other, rg.simulate(rg.load("crank_rocker"), duration=0.01, step=1e-3), "run"):
+            with pytest.raises(rg.OptionError, match="play: the trajectory is not one of 'rhombus'"):
+                viewer.play(wrong)  # type: ignore[arg-type]
+    with pytest.raises(rg.OptionError, match="other joints"):
+        run.plot("q", overlay=other)
+
+
+def test_a_page_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    page = rg.replay(rg.simulate(rg.load("rhombus"), duration=0.01, step=1e-3))
+    with pytest.raises(rg.OptionError, match="cannot be written"):
+        page.save(tmp_path / "no" / "page.html")

@@ -77,9 +77,7 @@ def plot_motion(
     """Draw trajectories of one mechanism; see `Trajectory.plot`."""
     first = next(iter(runs.values()))
     for label, run in runs.items():
-        if [c.name for c in components_of(run.mechanism.joints)] != [
-            c.name for c in components_of(first.mechanism.joints)
-        ]:
+        if components_of(run.mechanism.joints) != components_of(first.mechanism.joints):
             raise OptionError(f"overlay: {label!r} is the motion of a mechanism with other joints")
     panels, title = panels_of(runs, what, joints, x)
     over, *_ = [_over(run, x) for run in runs.values()]

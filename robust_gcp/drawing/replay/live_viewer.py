@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 from ...checks import check_positive
 from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
+from ...mechanism.tree.joints import components_of
 from ...mechanism.tree.tree import Array
 from ...simulation.trajectories.trajectory import Trajectory
 from .frames import FPS, pictures
@@ -90,7 +91,8 @@ class LiveViewer:
 
         Pictures that this machine is too slow for are left out, so that it takes the time it should.
         """
-        if trajectory.q.shape[1] != self._mechanism.nq:
+        given: Any = trajectory
+        if not (isinstance(given, Trajectory) and _alike(given.mechanism, self._mechanism)):
             raise OptionError(f"play: the trajectory is not one of {self._mechanism.name!r}")
         check_positive("speed", speed)
         q = pictures(trajectory, speed)
@@ -144,3 +146,10 @@ class LiveViewer:
         self._thread.join(PATIENCE)
         if not self._loop.is_running():
             self._loop.close()
+
+
+def _alike(one: Mechanism, other: Mechanism) -> bool:
+    """Whether joints are the same, and where the same."""
+    places = [mechanism.own_model.jointPlacements for mechanism in (one, other)]
+    same = components_of(one.joints) == components_of(other.joints)
+    return same and all(a.isApprox(b, 1e-9) for a, b in zip(*places, strict=True))

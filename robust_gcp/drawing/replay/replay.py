@@ -46,8 +46,11 @@ class ReplayPage:
 
     def save(self, path: str | Path) -> Path:
         """Write the page; returns the path."""
-        path = Path(path)
-        path.write_text(self.html, encoding="utf-8")
+        path = path_given("path", path)
+        try:
+            path.write_text(self.html, encoding="utf-8")
+        except OSError as error:
+            raise OptionError(f"{path} cannot be written ({error.strerror})") from error
         return path
 
     def _repr_html_(self) -> str:
