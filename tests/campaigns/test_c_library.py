@@ -1,7 +1,6 @@
 """A million steps of each scene in C and in Python: the same bits, through all crossings.
 
-Not here: what is too stiff for the step or changes coordinates, and the delta robot and the Stewart platform,
-whose motions part by a last bit after a hundred steps or more: why is not known."""
+Not here: what is too stiff for the step or changes coordinates."""
 
 from __future__ import annotations
 

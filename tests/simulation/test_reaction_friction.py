@@ -305,6 +305,64 @@ def test_all_bearings_of_a_four_bar_whichever_is_cut(backend: Any) -> None:
     assert abs(runs[0].dissipated[-1] - runs[1].dissipated[-1]) < 1e-8 and runs[0].dissipated[-1] > 0.1
 
 
+# ----------------------------------------------------------------- under torques that are held
+
+
+def test_a_torque_that_grows_step_by_step_breaks_it_loose(backend: Any) -> None:
+    joints = [rg.JointFriction("q1", coefficient=MU)]
+    sim = rg.Simulation(block(0.1), [0.0], [0.0], 0.01, joints=joints, backend=backend)
+    limit = 2.0 * G * (MU * np.cos(0.1) - np.sin(0.1))
+    for tau in np.arange(0.0, limit + 0.1, 0.1):
+        sim.step([tau])
+    assert [x.kind for x in sim.happenings] == ["hold", "release"]
+    assert sim.happenings[1].time == pytest.approx(sim.t - 0.01)
+    assert sim.v[0] == pytest.approx((tau - limit) / 2.0 * 0.01, rel=1e-9)
+
+
+def test_it_slows_what_is_held_as_what_is_not(backend: Any) -> None:
+    """Held over each step, by a function or by calls, is piece by piece what a constant torque does."""
+    mech, joints = cart_and_pole(), [rg.JointFriction("q1", coefficient=MU)]
+    q, v, h = np.array([0.0, 0.3]), np.array([0.2, 0.0]), 0.02
+
+    def torque(t: float, q: Any, v: Any) -> Any:
+        return [8.0 * np.sin(5.0 * t), 0.0]
+
+    held = rg.simulate(mech, q, v, 1.5, h, torque=torque, hold=True, joints=joints, backend=backend)
+    sim, kinds = rg.Simulation(mech, q, v, h, joints=joints, backend=backend), list[str]()
+    for k in range(75):
+        tau = torque(k * h, q, v)
+        piece = rg.simulate(mech, q, v, h, h, torque=tau, t0=k * h, joints=joints, backend=backend)
+        q, v = piece.q[-1], piece.v[-1]
+        kinds += [x.kind for x in piece.happenings]
+        sim.step(tau)
+    np.testing.assert_allclose(sim.q, q, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(held.q[-1], q, rtol=0, atol=1e-13)
+    assert [x.kind for x in sim.happenings] == [x.kind for x in held.happenings] == kinds
+    assert "at rest" in kinds
+
+
+def test_motors_that_are_held_move_a_loop_that_rubs(backend: Any) -> None:
+    """Another cut and another root: the same motion; saved and restored: to the last bit."""
+    how, ends = {"coefficient": 0.3, "radius": 0.06}, []
+    two = [rg.JointFriction("q1", **how), rg.JointFriction("q2", **how)]
+    cut = rg.JointFriction("q3", other="q1", ratio=1.0, more=(("q2", 1.0),), reaction="a-b", **how)
+    around = rg.JointFriction("q1", more=(("q2", -1.0), ("q3", -1.0)), reaction="a-b", **how)
+    last = rg.JointFriction("q3", **how)
+    for at_ground, joints in ((False, [*two, cut, last]), (True, [*two, last, around])):
+        mech = four_bar(at_ground)
+        q0 = mech.assemble(mech.home, hold=["q1"])
+        sim = rg.Simulation(mech, q0, step=0.02, joints=joints, backend=backend)
+        saved = sim.save()
+        for _ in range(2):
+            sim.restore(saved)
+            for k in range(30):
+                sim.step({"q1": 4.0 * np.sin(0.12 * k)})
+            ends.append((sim.q[0], sim.dissipated, [x.kind for x in sim.happenings]))
+    assert ends[0] == ends[1] and ends[2] == ends[3]
+    assert abs(ends[0][0] - ends[2][0]) < 1e-12 and abs(ends[0][1] - ends[2][1]) < 1e-12
+    assert ends[0][2] == ends[2][2] and len(ends[0][2]) > 2
+
+
 # ----------------------------------------------------------------- refused
 
 
@@ -333,8 +391,6 @@ def test_joints_that_it_does_not_go_with(part: rg.JointFriction, words: str) -> 
 
 def test_what_does_not_go_with_it() -> None:
     part = rg.JointFriction("q1", coefficient=MU)
-    with pytest.raises(rg.OptionError, match="held"):
-        rg.Simulation(block(0.6), joints=[part], step=0.01)
     run = rg.simulate(block(0.6), [0.0], [0.0], 0.1, 0.01, joints=[part])
     with pytest.raises(rg.NotDifferentiableError, match=r"q1.*bound"):
         rg.sensitivity(run)

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.prescribed.control import Actuated
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
-from ...errors import OptionError, SingularStartError
+from ...errors import SingularStartError
 from ...kernel.library import Library
 from ...kernel.simulation.guard import Guard
 from ...mechanism.constraint.couplings import MovingCoupling
@@ -73,11 +73,6 @@ class Machines:
         self.checked = True
         self.before: tuple[Mechanism, Before] | None = None  # of the leg that was taken last
         self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
-        if self.held is not None and self.bounds.vary:
-            raise OptionError(
-                "JointFriction(coefficient=) does not go with torques that are held over steps, as hold=True "
-                "and a Simulation have them; use simulate without hold, or give its bound"
-            )
 
     def toward(self, v: Array) -> Array:
         """Where a start with the velocity v goes: along v, or along the one tangent that was named."""
