@@ -40,7 +40,7 @@ OPTIONS = (
     (r"\bctrl=\{actuator: control\}", "--ctrl ACTUATOR=U"),
     (r"\btorque=\{joint: value\}, or a mechanism with actuators=\[\.\.\.\]", "--torque JOINT=TAU"),
     (r"\bmech\.assemble\(q\)", "robust-gcp assemble"),
-    (r", for instance from mech\.lift\(q0, ydot\)", ", or leave --v0 out"),
+    (r"give v = G ẏ, for instance from mech\.lift\(q, ydot\)", "give --v0 = G ẏ, or leave --v0 out"),
     (r"\bgive (q0|v0)\b", r"give --\1"),
     (r"\(q0\)", "(--q0)"),
 )

@@ -51,7 +51,7 @@ def checked_state(mechanism: Mechanism, q0: ArrayLike, v0: ArrayLike | None) -> 
         For what is no state of the mechanism.
     """
     q = mechanism.configuration(q0, "q0")
-    mechanism.require_closed(q, NEARLY_CLOSED, "q0")
+    mechanism.require_closed(q, NEARLY_CLOSED, "the configuration")
     mechanism.require_proper(q)
     q = mechanism.polish(q, mechanism.iv_dependent)
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
@@ -65,7 +65,7 @@ def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
     size = max(np.abs(v).max(initial=0.0), np.abs(v / mechanism.column_scale).max(initial=0.0))
     if size > FASTEST:
         raise NonFiniteError(
-            f"v0 is so large (up to {np.abs(v).max():.3g}) that its products are not finite numbers; "
+            f"the velocity is so large (up to {np.abs(v).max():.3g}) that its products are not finite numbers; "
             "give it in rad/s and m/s"
         )
 
@@ -89,8 +89,8 @@ def require_compatible(mechanism: Mechanism, q: Array, v: Array) -> None:
     if broken is not None:
         row, size = broken
         raise StateError(
-            f"v0 breaks the loop {row}: K v0 = {size:.3g} (scaled); give "
-            "v0 = G ẏ, for instance from mech.lift(q0, ydot)"
+            f"the velocity breaks the loop {row}: K v = {size:.3g} (scaled); give "
+            "v = G ẏ, for instance from mech.lift(q, ydot)"
         )
 
 

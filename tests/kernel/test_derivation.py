@@ -317,13 +317,13 @@ class TestWhatIsLeftToTheReference:
         q, v, _ = state(mech)
         rg.derivatives(mech, q, v)
         for call in (rg.derivatives, rg.forward_dynamics, rg.linearise):
-            with pytest.raises(rg.ClosureError, match="q0"):
+            with pytest.raises(rg.ClosureError, match=r"^the configuration: the loop"):
                 call(mech, q + 0.01, v)
-            with pytest.raises(rg.StateError, match="v0 breaks the loop"):
+            with pytest.raises(rg.StateError, match="velocity breaks the loop"):
                 call(mech, q, v + np.array([0.0, 0.1, 0.0]))
-            with pytest.raises(rg.StateError, match="v0"):
+            with pytest.raises(rg.StateError, match=r"^v has shape"):
                 call(mech, q, v[:-1])
-        with pytest.raises(rg.ClosureError, match="q0"):
+        with pytest.raises(rg.ClosureError, match=r"^the configuration: the loop"):
             rg.step_jacobians(mech, q + 0.01, v, None, 1e-3)
 
     def test_frames_turned_by_half_a_turn(self) -> None:

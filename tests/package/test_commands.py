@@ -184,7 +184,7 @@ def test_a_run_that_stops_tells_how_far_and_keeps_the_rows(tmp_path: Path, capsy
             "simulate rhombus --q0 0.2 -0.2",
             "q0 has shape (2,), expected (nq,) = (3,)",
         ),
-        ("simulate rhombus --v0 1 0 0", "v0 breaks the loop"),
+        ("simulate rhombus --v0 1 0 0", "velocity breaks the loop"),
         ("simulate rhombus --step -1e-3", "step = -0.001 must be positive"),
         ("simulate rhombus --duration nan", "duration = nan must be positive and finite"),
         ("simulate rhombus --q0 0.2 0.3 0.2", "coupler_tip – rocker_tip is open by"),

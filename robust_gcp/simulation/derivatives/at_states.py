@@ -75,8 +75,8 @@ class AtStates:
         """
         one = not is_table(q)
         if one:
-            states = mechanism.configuration(q, "q0")[None]
-            fast = np.zeros((1, mechanism.nv)) if v is None else mechanism.velocity(v, "v0")[None]
+            states = mechanism.configuration(q)[None]
+            fast = np.zeros((1, mechanism.nv)) if v is None else mechanism.velocity(v)[None]
         else:
             states = checked_rows(q, None, mechanism.nq, "q", "nq")
             shape = len(states), mechanism.nv

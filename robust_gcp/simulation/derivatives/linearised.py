@@ -63,11 +63,11 @@ def linearise(
     """
     check_mechanism(mechanism, Mechanism, "linearise")
     check_finite("t", t)
-    q = mechanism.configuration(q, "q")
+    q = mechanism.configuration(q)
     if drive is None and not mechanism.chart_joints:
         with suppress(SimulationError):  # which the reference may do by differences
             slopes = derivatives(mechanism, q, v, torque, mode, t, wrenches=wrenches)
-            u = np.zeros(mechanism.m) if v is None else mechanism.velocity(v, "v0")[mechanism.iv_independent]
+            u = np.zeros(mechanism.m) if v is None else mechanism.velocity(v)[mechanism.iv_independent]
             rest = np.concatenate([_chart_rates(mechanism, u), np.eye(mechanism.m)], axis=1)
             rates = np.concatenate([slopes.da_dy, slopes.da_dv], axis=1)
             return Linearisation.of(np.concatenate([rest, rates]))

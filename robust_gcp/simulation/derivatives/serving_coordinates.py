@@ -98,7 +98,7 @@ def state_of(motion: Problem, q: ArrayLike | None, v: ArrayLike | None) -> tuple
     start, fast = point.q, point.G @ point.ydot
     if q is None or v is None or mechanism.nc == 0:
         return start, fast
-    at, rate = mechanism.configuration(q, "q0"), mechanism.velocity(v, "v0")
+    at, rate = mechanism.configuration(q), mechanism.velocity(v)
     u, K = rate / mechanism.column_scale, mechanism.scaled(mechanism.K(at))
     left = float(np.abs(K @ u).max()) / max(float(np.abs(u).max()), 1e-300)
     exact = mechanism.closure_residual(at) <= CLOSED and left <= CLOSED * max(1.0, float(np.abs(K).max()))
