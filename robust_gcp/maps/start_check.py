@@ -65,7 +65,7 @@ def require_finite_energy(mechanism: Mechanism, v: Array) -> None:
     size = max(np.abs(v).max(initial=0.0), np.abs(v / mechanism.column_scale).max(initial=0.0))
     if size > FASTEST:
         raise NonFiniteError(
-            f"the velocity is so large (up to {np.abs(v).max():.3g}) that its products are no finite numbers; "
+            f"the velocity is too large (up to {np.abs(v).max():.3g}): products are not finite numbers; "
             "give it in rad/s and m/s"
         )
 

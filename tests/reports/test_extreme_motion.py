@@ -61,7 +61,7 @@ def test_memory_does_not_grow_beyond_what_is_recorded():
 def test_speeds_whose_products_overflow_are_refused_at_the_start(speed):
     mechanism, q0, v0 = Motion(RHOMBUS, 0.2, speed).build()
     for stepper in ("rk4", "DOP853"):
-        with pytest.raises(rg.NonFiniteError, match="velocity is so large"):
+        with pytest.raises(rg.NonFiniteError, match="velocity is too large"):
             rg.simulate(mechanism, q0, v0, duration=1e-3, stepper=stepper)
 
 
