@@ -187,6 +187,22 @@ class TestTendonSpring:
         slopes = [rg.derivatives(run.mechanism, run.q[-1], run.v[-1]).da_dy for run in runs]
         assert slopes[0] == pytest.approx(slopes[1], rel=1e-10)
 
+    @pytest.mark.parametrize("power", ["spring", "motor"])
+    def test_over_both_frames_of_a_closure_derivatives_are_those_over_one(self, power: str) -> None:
+        shipped, found = rg.load("crank_rocker"), []
+        for names in (["coupler_tip", "rocker_tip", "ground"], ["rocker_tip", "ground"]):
+            cord = rg.SpatialTendon(names)
+            mech = rg.Mechanism.from_pinocchio(
+                shipped.model, shipped.closures, shipped.independent, shipped.home,
+                forces=[rg.TendonSpring(cord, 50.0, upper=0.5)] if power == "spring" else [],
+                actuators=[rg.Actuator.motor("winch", cord)],
+            )  # fmt: skip
+            ctrl = None if power == "spring" else {"winch": 3.0}
+            run = rg.simulate(mech, v0=mech.lift(mech.home, [2.0]), duration=0.02, step=5e-3, ctrl=ctrl)
+            g = rg.gradient(run, rg.Cost(terminal=lambda q, v: q[0] + v[0]))
+            found.append(np.concatenate([run.q[-1], g.dy, g.dv]))
+        assert found[0] == pytest.approx(found[1], rel=1e-8)
+
     def test_a_damper_takes_what_the_energy_loses(self) -> None:
         run = self._rhombus(rg.SpatialTendon(["universe", "coupler_tip"]), "auto", damping=3.0)
         assert run.work is not None and run.work[-1] < -1e-3

@@ -16,6 +16,9 @@ from ..tree.tree import Array, Tree
 from .paths import BoundPath, Load, Path, PathOnBodies
 from .wrapping import CYLINDER, SPHERE, Wrapped, wrapped
 
+SAME = 1e-9
+"""m: points so near to each other are the same."""
+
 
 @dataclass(frozen=True)
 class Pulley:
@@ -128,10 +131,18 @@ class Line(PathOnBodies):
                 wrap, names = self._round(element, owner), (names[0], element.frame)
             else:
                 here = self._point(element, owner)
-                if before is not None:
+                if before is not None and (wrap is not None or not self._joined(before, here)):
                     self.stretches.append((share, *before, *here, wrap))
                     self._frames.append((*names, element))
                 before, wrap, names = here, None, (element, "")
+
+    def _joined(self, *ends: tuple[int, Array]) -> bool:
+        """Whether a closure holds two points together: between them is no length and no direction."""
+        pairs = (pair[::way] for pair in self._tree.joined for way in (1, -1))
+        return any(
+            all(a == b and np.abs(x - y).max() <= SAME for (a, x), (b, y) in zip(pair, ends, strict=True))
+            for pair in pairs
+        )
 
     def _point(self, frame: str, owner: str) -> tuple[int, Array]:
         joint, place = place_of(self._tree.model, frame, owner)

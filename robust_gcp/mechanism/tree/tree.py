@@ -51,12 +51,15 @@ class Tree(threading.local):
         angular); valid after `rnea`.
     q, qdot : ndarray (nq,), (nv,)
         What `jacobians` and `rnea` were last called with.
+    joined : list of ((int, ndarray (3,)), (int, ndarray (3,)))
+        Points of two bodies that a closure holds together.
     """
 
-    __slots__ = ("_massive", "_rotors", "model")  # slots are shared by all threads, the rest is not
+    __slots__ = ("_massive", "_rotors", "joined", "model")  # slots are shared by all threads, the rest is not
     model: pin.Model
     _massive: pin.Model
     _rotors: Array | None
+    joined: list[tuple[tuple[int, Array], tuple[int, Array]]]
 
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
         if not hasattr(self, "model"):  # runs again, with these arguments, in each further thread
@@ -82,7 +85,7 @@ class Tree(threading.local):
 
     def _share(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]]) -> None:
         """What no algorithm writes to: the model with the points, and the same without rotor inertia."""
-        self.model = model.copy()
+        self.model, self.joined = model.copy(), []
         for i, (joint, placement) in enumerate(points):
             kind = pin.FrameType.OP_FRAME
             self.model.addFrame(pin.Frame(f"closure frame {i}", joint, placement, kind), False)
