@@ -465,3 +465,20 @@ class TestRefused:
             rg.gradient(run, bad, self.CASE.tau)
         with pytest.raises(rg.NonFiniteError, match="running"):
             rg.gradient(run, rg.Cost(running=lambda t, q, v, tau: np.nan), self.CASE.tau)
+
+
+def test_a_run_ended_within_a_step_by_an_event_has_the_gradient_of_one_of_its_duration() -> None:
+    mech = rg.load("kite")
+
+    def run(u: float, duration: float = 1.0, events: Any = None) -> rg.Trajectory:
+        return rg.simulate(mech, None, mech.lift(mech.home, [5.0 + u]), duration, 1e-2, events=events)
+
+    ended = run(0.0, events=rg.Event(lambda t, q, v: v[1] + 26.0 / 3.0, terminal=True))
+    g = rg.gradient(ended, rg.Cost(terminal))
+
+    def value(u: float) -> float:
+        end = run(u, float(ended.t[-1]))
+        return terminal(end.q[-1], end.v[-1])
+
+    assert ended.ended_by == 0
+    assert g.dv[0] == pytest.approx(slope(value, 1e-2), rel=1e-5)

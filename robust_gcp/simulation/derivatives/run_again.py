@@ -26,6 +26,9 @@ SAME_TIME = 1e-12
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
 
+SAME_WITHIN = 1e-4
+"""The same of the end within a step at which an event ended the run, which is on the step's polynomial."""
+
 ALIKE = 1e-6
 """Relative difference of torques and of lengths of steps that rounding may make."""
 
@@ -127,17 +130,25 @@ def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> N
 
 def require_same(run: Trajectory, mechanism: Mechanism, i: int, q: Array, v: Array) -> None:
     """Refuse a step to output i that ends at q and v instead of there."""
-    require_end(mechanism, (float(run.t[i]), run.q[i], run.v[i]), (q, v), _remedy(run, i))
+    end, remedy = (float(run.t[i]), run.q[i], run.v[i]), _remedy(run, i)
+    if run.ended_by is None or i < len(run.t) - 1:
+        return require_end(mechanism, end, (q, v), remedy)
+    remedy = f"an event ended the run within a step: take smaller steps, or {remedy}"
+    return require_end(mechanism, end, (q, v), remedy, SAME_WITHIN)
 
 
 def require_end(
-    mechanism: Mechanism, wanted: tuple[float, Array, Array], found: tuple[Array, Array], remedy: str
+    mechanism: Mechanism,
+    wanted: tuple[float, Array, Array],
+    found: tuple[Array, Array],
+    remedy: str,
+    same: float = SAME,
 ) -> None:
     """Refuse a step that ends at (q, v) instead of at (t, q, v)."""
     t, q, v = wanted
     off = np.abs(mechanism.tree.difference(q, found[0])) / mechanism.units
     fast = np.abs(found[1] - v) / mechanism.units / (1.0 + np.abs(v).max(initial=0.0))
-    if not max(off.max(initial=0.0), fast.max(initial=0.0)) < SAME:
+    if not max(off.max(initial=0.0), fast.max(initial=0.0)) < same:
         raise OptionError(
             f"gradient: taken again, the step of RK4 to t = {t:.6g} s ends {off.max():.1e} rad or "
             f"lengths and {fast.max():.1e} in v from the trajectory; {remedy}"
