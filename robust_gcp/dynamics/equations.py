@@ -192,7 +192,7 @@ class TorqueFunction:
         states = list(zip(t.tolist(), q, v, strict=True))
         rows: list[Any] = [self._supplied(*state) for state in states]
         if all(type(row) is np.ndarray and row.dtype == float and row.shape == (self._nv,) for row in rows):
-            tau = np.array(rows)
+            tau = np.array(rows).reshape(-1, self._nv)
             if np.all(np.isfinite(tau)):
                 return tau
         return np.array([self(*state) for state in states])

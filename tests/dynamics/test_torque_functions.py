@@ -227,3 +227,10 @@ def test_linearise_holds_torques_to_the_same() -> None:
     plain = rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=pure).A
     for torque in (spoils_its_arguments, returns_its_argument, UsesTheMechanism(mechanism)):
         np.testing.assert_array_equal(rg.linearise(mechanism, [0.5, -0.5, 0.5], torque=torque).A, plain)
+
+
+def test_derivatives_under_one_say_what_is_wrong_where_the_kernel_answers_no_state() -> None:
+    mech = rg.load("rhombus")
+    rg.derivatives(mech, np.zeros(3), [1.0, -1.0, 1.0])  # the kernel knows the place from here on
+    with pytest.raises(rg.ToggleError, match="choose independent joints among q2, q3"):
+        rg.derivatives(mech, [0.0, 1e-5, 1e-5], [0.0, 1.0, 1.0], lambda t, q, v: -v)

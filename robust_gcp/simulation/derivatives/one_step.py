@@ -75,7 +75,7 @@ def step(
     h : float
         s.
     jacobians : bool
-        Whether A and B are wanted; torques that are functions are held then, as they are at t.
+        Whether A and B are wanted; torques are numbers then.
     mode : array_like, optional
         As in `simulate`, where q is singular.
     t : float
