@@ -232,6 +232,23 @@ def test_jacobians_of_several_steps() -> None:
             np.testing.assert_allclose(slope, B[i][:, k], atol=1e-7)
 
 
+def test_jacobians_beside_a_dead_point_are_of_the_steps_that_were_taken() -> None:
+    """In other coordinates than the mechanism's, whose own steps err by 1e-3 there."""
+    mech, h, n = rg.load("kite"), 5e-3, 60
+    own, d = mech.iv_independent, 1e-5
+    assert np.array_equal(own, mech.iq_independent)
+
+    def ends(*speeds: float) -> rg.Batch:
+        v = mech.lift(np.tile(mech.home, (len(speeds), 1)), np.array(speeds)[:, None])
+        return rg.Batch(mech, len(speeds), mech.home, v, h)
+
+    A = ends(3.0).step(None, n, jacobians=True).A
+    q, v, *_ = ends(3.0 + d, 3.0 - d).step(None, n)
+    slope = np.concatenate([q[0, own] - q[1, own], v[0, own] - v[1, own]]) / (2.0 * d)
+    assert A is not None
+    np.testing.assert_allclose(A[0][:, 1], slope, rtol=1e-6)
+
+
 @pytest.mark.parametrize("specialise", [None, False])
 @pytest.mark.parametrize("name", ["crank_rocker", "five_bar"])
 def test_controls_are_held(name: str, specialise: bool | None) -> None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from ...errors import OptionError, RobustGcpError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ..derivatives.one_step import step_jacobians
+from ..derivatives.step_derivatives import differentiated
+from ..derivatives.step_of_motion import Acting
 
 Rows = NDArray[np.int64]
 
@@ -82,14 +85,32 @@ def require_room(out: Any, q: Array, v: Array) -> None:
             )
 
 
-def slopes_of_step(mechanism: Mechanism, q: Array, v: Array, tau: Array, step: float) -> tuple[Array, Array]:
-    """A and B of a step from each state, as `step_jacobians`; NaN where there are none."""
+def slopes_of_step(
+    mechanism: Mechanism, q: Array, v: Array, tau: Array, step: float, own: Sequence[Mechanism]
+) -> tuple[Array, Array]:
+    """A and B of a step from each state, as `step_jacobians`; NaN where there are none.
+
+    Those of rows that move in other coordinates, `own`, are taken in these, and told in the mechanism's.
+    """
+    A, B = _in_the_mechanisms(mechanism, q, v, tau, step)
+    for i, other in enumerate(own):
+        if other is not mechanism:
+            with suppress(RobustGcpError, np.linalg.LinAlgError):
+                moved = differentiated(other, (q[i], v[i]), None, Acting(tau[i]), 0.0, step)
+                moved = moved.told_in(mechanism)
+                A[i], B[i] = moved.A, moved.B
+    return A, B
+
+
+def _in_the_mechanisms(
+    mechanism: Mechanism, q: Array, v: Array, tau: Array, step: float
+) -> tuple[Array, Array]:
     try:
         return step_jacobians(mechanism, q, v, tau, step)
     except RobustGcpError:
         if len(q) > 1:
             rows = [
-                slopes_of_step(mechanism, q[i : i + 1], v[i : i + 1], tau[i : i + 1], step)
+                _in_the_mechanisms(mechanism, q[i : i + 1], v[i : i + 1], tau[i : i + 1], step)
                 for i in range(len(q))
             ]
             return np.concatenate([A for A, _ in rows]), np.concatenate([B for _, B in rows])

@@ -283,7 +283,7 @@ class Batch:
         for _ in range(n):
             going = np.flatnonzero(self.status == 0)
             states = self.q[going], self.v[going], self._state.held[going, :nv]
-            after, by_tau = slopes_of_step(self.mechanism, *states, self._step)
+            after, by_tau = slopes_of_step(self.mechanism, *states, self._step, self._rows.coordinates(going))
             A[going], B[going] = after @ A[going], after @ B[going] + by_tau
             self._go(1)
         A[self.status != 0] = B[self.status != 0] = np.nan

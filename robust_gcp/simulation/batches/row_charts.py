@@ -100,6 +100,10 @@ class BatchCharts:
         """That of its mode, (nv, m)."""
         return self._charts[self.of[i]].point(i).G
 
+    def mechanism_of(self, i: int) -> Mechanism:
+        """The mechanism in a row's coordinates."""
+        return self._charts[self.of[i]].mechanism
+
     def conditioning(self, which: Which) -> tuple[Which, Array]:
         """Those of some rows that are here, and how K_d is conditioned there."""
         of = self.of[which]

@@ -73,6 +73,11 @@ class BatchRows:
             passed[i] = self._before[i] + len(simulation.crossings)
         return passed
 
+    def coordinates(self, which: Which) -> list[Mechanism]:
+        """The mechanism in the coordinates in which each of some rows moves."""
+        charts, alone = self._charts, self._alone
+        return [alone[i].mechanism if i in alone else charts.mechanism_of(i) for i in which.tolist()]
+
     def specialise(self, wanted: bool | None) -> None:
         """Have steps compiled for the mechanism: at once, when it pays (None), or never.
 
