@@ -61,6 +61,9 @@ def step(
 ) -> Stepped:
     """One step of RK4 on the explicit equations (3) from each state, the one that `simulate` takes.
 
+    In the mechanism's coordinates as long as these serve: beside their dead points, where `simulate` takes
+    others in which its steps are more accurate, with the larger error that they have there.
+
     Beside singular configurations that no series of the mode is known of, it is followed by parts, as
     `simulate` follows it with error control there; where rounding leaves G uncertain, by `simulate` or, with
     derivatives, by the reference.
