@@ -142,6 +142,29 @@ def test_limits_and_friction_of_fixed_tendons_act_where_asked_for(tmp_path: Path
     assert stop.joints == ("hinge", "slide") and stop.weights == pytest.approx((1.0, -2.0 / 0.7))
 
 
+def test_arms_of_zero_have_no_part_in_limits_and_friction(tmp_path: Path) -> None:
+    """0 j + 2 k between limits is a stop on k; 0 j is none."""
+    file, still = tmp_path / "a.xml", '<geom size="0.1" contype="0" conaffinity="0"/>'
+    limits = 'range="-1 2" limited="true" frictionloss="3"'
+    file.write_text(f"""<mujoco><worldbody><body><joint name="j"/>{still}
+      <body pos="1 0 0"><joint name="k"/>{still}</body></body></worldbody><tendon>
+      <fixed {limits}><joint joint="j" coef="0"/><joint joint="k" coef="2"/></fixed>
+      <fixed {limits}><joint joint="j" coef="0"/></fixed></tendon></mujoco>""")
+    mech = rg.load(file, limits=True, friction=True)
+    assert mech.left_out == ()
+    assert [part.joint for part in mech.parts] == ["k", "k"] and not any(part.more for part in mech.parts)
+
+
+def test_a_constant_force_stays_within_the_range_of_its_joint() -> None:
+    beside = Beside(
+        """<mujoco><option><flag contact="disable"/></option><worldbody>
+        <body><joint name="q" actuatorfrcrange="-1 1"/><geom size="0.1" pos="1 0 0"/></body></worldbody>
+        <actuator><general joint="q" gear="2" biastype="affine" gainprm="0" biasprm="3"/></actuator>
+        </mujoco>"""
+    )
+    assert beside.contents.actuators and max(differences(beside, seed=2)) < 1e-12
+
+
 def test_they_are_written_and_read_back(tmp_path: Path) -> None:
     file = tmp_path / "a.xml"
     file.write_text(EVERYTHING)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import pickle
 from typing import Any, Literal
 
@@ -42,6 +43,17 @@ def _slide(*actuators: rg.Actuator, mass: float = 2.0) -> rg.Mechanism:
 
 
 class TestClosedForms:
+    @pytest.mark.parametrize("tau", [0.0, 1e-9])
+    @pytest.mark.parametrize("backend", BACKENDS)
+    def test_a_lag_of_no_time_is_none(self, tau: float, backend: Backend) -> None:
+        """Between its bounds the activation is the table, after it has left its start."""
+        table = ([0.0, 0.3, 0.8], [0.5, 2.0, -1.0])
+        lag = rg.Actuator("push", "x", dynamics="filter", time=(tau,), ctrl_range=(-0.5, 1.5))
+        mech = _slide(dataclasses.replace(lag, activation_range=(0.0, 9.0)))
+        run = rg.simulate(mech, duration=1.0, step=1e-2, ctrl={"push": table}, backend=backend)
+        wanted = np.clip(np.interp(run.t[1:], *table), 0.0, 1.5)
+        np.testing.assert_allclose(run["activation.push"][1:], wanted, atol=1e-8)
+
     @pytest.mark.parametrize("backend", BACKENDS)
     def test_a_lagging_motor_pushes_a_mass(self, backend: Backend) -> None:
         """w = c (1 − e^(−t/τ)), x = (k c/m) (t²/2 − τ t + τ² (1 − e^(−t/τ))): RK4 at order 4."""

@@ -187,7 +187,9 @@ class CompiledActuators:
 
 def is_constant(m: Any, a: int) -> bool:
     """Whether an actuator's force is a constant on a joint with one number, whatever its control."""
-    single = m.actuator_trntype[a] == JOINT and m.jnt_type[m.actuator_trnid[a, 0]] not in (FREE, BALL)
+    joint = m.actuator_trnid[a, 0]
+    single = m.actuator_trntype[a] == JOINT and m.jnt_type[joint] not in (FREE, BALL)
     plain = m.actuator_dyntype[a] == 0 == m.actuator_gaintype[a] and m.actuator_biastype[a] == AFFINE
     constant = not (np.any(m.actuator_gainprm[a]) or np.any(m.actuator_biasprm[a, 1:]))
-    return bool(single and plain and constant and not m.actuator_forcelimited[a])
+    limited = m.actuator_forcelimited[a] or (single and m.jnt_actfrclimited[joint])
+    return bool(single and plain and constant and not limited)

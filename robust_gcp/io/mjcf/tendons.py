@@ -132,7 +132,10 @@ class CompiledTendons:
                 self.left_out.setdefault(f"{kind} of {sort}", []).append(name)
             if not kinds or not isinstance(path, FixedTendon) or any(map(self.is_fixed, path.joints)):
                 continue
-            (joint, arm), *others = path.coefficients.items()
+            arms = [(name, arm) for name, arm in path.coefficients.items() if arm]
+            if not arms:
+                continue
+            (joint, arm), *others = arms
             row: dict[str, Any] = {"more": tuple((other, -value / arm) for other, value in others)}
             if limits and limited:
                 low, high = sorted((m.tendon_range[t] / arm).tolist())
