@@ -68,8 +68,6 @@ def loops_arrays(loops: ClosedLoops) -> tuple[Arrays, list[Array]]:
 def tree_arrays(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
     """Joints and bodies; returns the rotation by which each joint's frame is turned to its axis."""
     model = mechanism.near
-    if np.any(model.gravity.angular):
-        raise NotNativeError("gravity has an angular part")
     kinds, placements, inertias = [], [], []
     turns: list[Array] = [np.eye(3)]
     for joint in mechanism.joints:

@@ -139,3 +139,11 @@ def test_depth_first_models_pass(mechanisms: dict[str, rg.Mechanism]) -> None:
         require_depth_first(mechanism.model)
     require_depth_first(pin.Model())
     require_depth_first(pin.buildSampleModelManipulator())
+
+
+def test_gravity_that_turns_is_refused() -> None:
+    """It has no potential, and where the ground's origin is would matter."""
+    model = rg.load("rhombus").model.copy()
+    model.gravity.angular = np.array([0.1, 0.0, 0.0])
+    with pytest.raises(rg.ModelError, match="gravity"):
+        rg.Mechanism.from_pinocchio(model)

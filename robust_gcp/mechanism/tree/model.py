@@ -52,6 +52,9 @@ def check_model(model: Any) -> None:
             raise ModelError(f"model.{what} = {shown(values.tolist())} must be finite and not negative")
     if not _is_finite(model.gravity.vector):
         raise ModelError(f"model.gravity = {model.gravity.vector.tolist()} must be finite")
+    if np.any(model.gravity.angular):
+        turn = shown(model.gravity.angular.tolist())
+        raise ModelError(f"model.gravity.angular = {turn} must be zero; drive= a joint instead")
     labels = [f"joint {name!r} has a placement" for name in model.names]
     labels += [f"frame {frame.name!r} has a placement" for frame in model.frames]
     poses = [p.homogeneous for p in model.jointPlacements] + [f.placement.homogeneous for f in model.frames]
