@@ -221,7 +221,9 @@ def _take_parts(contents: FileContents, asked: _Asked) -> None:
             left.append(part)
         elif of == "joints":
             listed = f", {names.removesuffix(')')}, "
-            left += named(what, [n for n in model.names if f", {n}, " in listed and n not in kinds[kind]])
+            for name in kinds[kind]:
+                listed = listed.replace(f", {name}, ", ", ")
+            left += named(what, [listed[2:-2]] if listed != ", " else [])
     contents.left_out = left
 
 

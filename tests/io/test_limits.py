@@ -67,6 +67,28 @@ def test_a_range_without_inside_stops_nothing_and_is_told(upper: str, tmp_path: 
         rg.load(tmp_path / "p.urdf", limits=True, friction=True, strict=True)
 
 
+@pytest.mark.parametrize("kind", ["universal", "closing"])
+def test_limits_that_do_not_act_are_told_where_others_do(kind: str, tmp_path: Path) -> None:
+    """Of a joint with two axes, and of one that closes a loop."""
+    ranges = (
+        "<limit><lower>-0.4</lower><upper>0.6</upper></limit><dynamics><friction>0.3</friction></dynamics>"
+    )
+    axis = f"<axis><xyz>1 0 0</xyz>{ranges}</axis>"
+    end, sort = ("<link name='end'/>", kind) if kind == "universal" else ("", "revolute")
+    more = f"""{end}<joint name="r" type="{sort}"><parent>arm</parent>
+      <child>{"end" if end else "tip"}</child>{axis}<axis2><xyz>0 1 0</xyz></axis2></joint>"""
+    if not end:
+        more = (
+            "<link name='tip'/><joint name='p' type='revolute'><parent>world</parent><child>tip</child>"
+            f"{axis.replace(ranges, '')}</joint>" + more
+        )
+    (tmp_path / "p.sdf").write_text(SDF.replace("</model>", more + "</model>"))
+    with pytest.warns(rg.ModelWarning):
+        mech = rg.load(tmp_path / "p.sdf", limits=True, friction=True)
+    assert mech.parts == PARTS
+    assert {"limits of joints (r)", "dry friction of joints (r)"} <= set(mech.left_out)
+
+
 @pytest.mark.parametrize("ratio", [0.05, 0.3, 0.72, 1.0, 1.3, 5.0])
 def test_limits_of_mjcf_bounce_as_soft_ones_tend_to(ratio: float) -> None:
     """δ̈ = −δ − 2 ζ δ̇ from δ̇ = 1 until its force vanishes, by SciPy; the way back is its inverse."""
