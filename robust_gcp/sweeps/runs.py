@@ -11,7 +11,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
-from pickle import dumps
+from pickle import dumps, loads
 from typing import Any
 
 from ..checks import check_callable, check_number, listed, shown
@@ -270,7 +270,8 @@ def _names(runs: list[dict[str, Any]]) -> list[tuple[str, int]]:
 def _identity(build: Build) -> Any:
     """What is written to the file for `build`: a mechanism by its name and a digest of all it is made of."""
     if isinstance(build, Mechanism):
-        return f"{build.name} {sha256(dumps(build)).hexdigest()[:16]}"
+        own = dumps(loads(dumps(build)))  # which words are one object in memory, a first pickle tells too
+        return f"{build.name} {sha256(own).hexdigest()[:16]}"
     return build
 
 

@@ -471,3 +471,10 @@ def named(name: str) -> rg.Mechanism:
 
 def lambda_free(trajectory: rg.Trajectory) -> list[str]:
     return ["\udcff"]
+
+
+def test_a_mechanism_that_was_pickled_is_the_one_that_the_file_knows(tmp_path: Path) -> None:
+    mech, path = rg.load("crank_rocker"), tmp_path / "runs.jsonl"
+    rg.sweep(mech, [{"duration": 0.01}], file=path, workers=0)
+    (found,) = rg.sweep(pickle.loads(pickle.dumps(mech)), [{"duration": 0.01}], file=path, workers=0)
+    assert found.resumed
