@@ -59,9 +59,7 @@ class Phases(RoundCusps):
         assert held is not None
         if np.array_equal(torque, held.value, equal_nan=True):
             return
-        if self._rows.mechanism.actuators:
-            self._collect()  # outputs are told what drove them
-        held.value = torque
+        self._machines.hold(self._t, torque)
         if self._fresh:
             return
         if self._leg is not None and not self._leg.turn(held.beside(torque, self._machines.constant(phase))):

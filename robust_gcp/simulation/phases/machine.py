@@ -70,6 +70,7 @@ class Machines:
         self.held = self.torque if isinstance(self.torque, HeldTorque) else None
         self._function = torque_function(self.rows.mechanism, self.torque)
         self._held: dict[tuple[int, ...], Held] = {}
+        self.forget()
         self.checked = True
         self.before: tuple[Mechanism, Before] | None = None  # of the leg that was taken last
         self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
@@ -87,14 +88,27 @@ class Machines:
 
     def driven(self, t: Array, q: Array, v: Array) -> Array:
         """u of the actuators at outputs, (N, n), NaN without power."""
-        n = len(self.rows.mechanism.actuators)
+        n, found = len(self.rows.mechanism.actuators), None
         if not n:
             return np.zeros((len(t), 0))
-        if self.held is not None and self.held.powered is not None:
-            return np.array([self.held.u(when) for when in t.tolist()]).reshape(len(t), n)
-        if isinstance(self.torque, Actuated):
-            return controls_along(self.torque, t, q, v)
-        return np.full((len(t), n), np.nan)
+        if self.held is not None:
+            values = [*self._before, self.held.value]
+            found = self.held.driven(np.array([values[k] for k in np.searchsorted(self._until, t, "right")]), t)
+        elif isinstance(self.torque, Actuated):
+            found = controls_along(self.torque, t, q, v)
+        return np.full((len(t), n), np.nan) if found is None else found
+
+    def hold(self, t: float, value: Array) -> None:
+        """Hold another torque from a time on; outputs that are told later were driven by the one before."""
+        assert self.held is not None
+        if self.rows.mechanism.actuators:
+            self._until.append(t)
+            self._before.append(self.held.value)
+        self.held.value = value
+
+    def forget(self) -> None:
+        """All outputs up to now are told."""
+        self._until, self._before = list[float](), list[Array]()
 
     def of(self, phase: Phase, here: Array) -> Mechanism | None:
         """The mechanism of a phase that begins at the configuration `here`; None where nothing can move."""

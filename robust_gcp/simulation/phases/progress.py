@@ -122,6 +122,7 @@ class Progress:
             t, self._read = self._t, leg.at
             self._keep(steps, np.zeros((len(steps.t), len(self._rows.rows))))
             self._t = t
+            self._machines.forget()
 
     def _drop(self) -> None:
         """The leg is over; its outputs, crossings and costs up to now are kept."""
@@ -245,6 +246,7 @@ class Progress:
         self._events, self._machines.before = parts["events"].copied(), parts["before"]
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
+            self._machines.forget()
         self._machine = None if self._fresh else self._machines.of(self._phase, self._q)
         if self._machine is not None:
             self._stretch = self._looked_at(self._machine)
