@@ -92,8 +92,8 @@ class Machines:
         if not n:
             return np.zeros((len(t), 0))
         if self.held is not None:
-            values = [*self._before, self.held.value]
-            found = self.held.driven(np.array([values[k] for k in np.searchsorted(self._until, t, "right")]), t)
+            values, at = [*self._before, self.held.value], np.searchsorted(self._until, t, side="right")
+            found = self.held.driven(np.array([values[k] for k in at]), t)
         elif isinstance(self.torque, Actuated):
             found = controls_along(self.torque, t, q, v)
         return np.full((len(t), n), np.nan) if found is None else found
