@@ -14,6 +14,7 @@ is infinite, s is the cubic.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 import numpy as np
@@ -117,8 +118,9 @@ def _quintic(
 ) -> tuple[Array, Array, Array]:
     """s, ds/dt and d²s/dt² at x, with s(0) = 0 and s(1) = s1; rates and accelerations by time."""
     b, c = 3.0 * s1 - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * s1  # cubic: h v0 x + b x² + c x³
-    known = np.isfinite(a0) & np.isfinite(a1)
-    a0, a1 = np.where(known, a0, 2.0 * b / (h * h)), np.where(known, a1, (2.0 * b + 6.0 * c) / (h * h))
+    if not math.isfinite(a0.sum() + a1.sum()):
+        known, by_t = np.isfinite(a0) & np.isfinite(a1), 2.0 / (h * h)
+        a0, a1 = np.where(known, a0, by_t * b), np.where(known, a1, by_t * (b + 3.0 * c))
     A = 0.5 * (h * h * a0 - 2.0 * b)
     B = 0.5 * (h * h * a1 - (2.0 * b + 6.0 * c)) - A
     bend = 2.0 * b + 3.0 * c - A - 0.5 * h * h * (a0 + a1)  # of the acceleration, at mid-step
