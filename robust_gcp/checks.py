@@ -135,12 +135,13 @@ def check_callable(name: str, value: Any, arguments: str) -> None:
 
 
 WITH_PARTS = (
-    "simulate", "Simulation", "Batch", "MechanismVectorEnv", "impact", "analyse", "draw", "trace_modes"
+    "simulate", "simulate_many", "Simulation", "Batch", "MechanismVectorEnv", "impact", "analyse", "draw",
+    "trace_modes",
 )  # fmt: skip
 """Functions that take a mechanism with stops and dry friction of its file."""
 
 
-WITH_MOVED = ("simulate", "Simulation", "analyse", "draw", "trace_modes")
+WITH_MOVED = ("simulate", "simulate_many", "Simulation", "analyse", "draw", "trace_modes")
 """Functions that hold still what moves the ground, or only look at places."""
 
 

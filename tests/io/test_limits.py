@@ -160,12 +160,25 @@ def test_rows_of_a_batch_are_simulations_with_them(tmp_path: Path) -> None:
     assert np.abs(two - one.q).max() < 1e-12 and np.abs(free - one.q).min() > 1e-3
 
 
+@pytest.mark.parametrize("threads", [1, 3])
+def test_many_starts_move_as_if_alone(tmp_path: Path, threads: int) -> None:
+    (tmp_path / "p.urdf").write_text(URDF)
+    mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
+    starts = [([0.1], [0.3 * i]) for i in range(12)]
+    runs = rg.simulate_many(mech, starts, 0.5, 1e-3, threads=threads)
+    assert not runs.errors
+    for run, start in zip(runs, starts, strict=True):
+        one = rg.simulate(mech, *start, 0.5, 1e-3)
+        np.testing.assert_array_equal(run.q, one.q)
+        assert run.happenings == one.happenings
+    assert sum(len(run.happenings) for run in runs) > 5
+
+
 def test_what_does_not_know_them_says_so(tmp_path: Path) -> None:
     """Never a motion without the stops that were asked for."""
     (tmp_path / "p.urdf").write_text(URDF)
     mech = rg.load(tmp_path / "p.urdf", limits=True, friction=True)
     for call in (
-        lambda: rg.simulate_many(mech, [([0.1], [0.0])], 0.1),
         lambda: rg.forward_dynamics(mech, [0.1], [0.0]),
         lambda: rg.derivatives(mech, [0.1]),
         lambda: rg.linearise(mech, [0.1]),

@@ -55,12 +55,13 @@ def test_what_no_drive_moves_holds_still() -> None:
     sim = rg.Simulation(moved, q0, step=1e-3).step(n=300)
     np.testing.assert_allclose(sim.q, run.q[-1], atol=1e-12)
     np.testing.assert_allclose(sim.frame("table").position, [0.0, 0.0, 1.0], atol=1e-15)
+    for many in rg.simulate_many(moved, 2 * [(q0, None)], 0.3, 1e-3):
+        np.testing.assert_array_equal(many.q, run.q)
 
 
 def test_what_does_not_hold_it_still_says_so(tmp_path: Path) -> None:
     mech = rg.Mechanism.from_mjcf(TABLE, moving={"table": ("x",)})
     for call in (
-        lambda: rg.simulate_many(mech, [([0.0, 0.1], [0.0, 0.0])], 0.1),
         lambda: rg.forward_dynamics(mech, [0.0, 0.1]),
         lambda: rg.derivatives(mech, [0.0, 0.1]),
     ):

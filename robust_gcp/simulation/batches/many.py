@@ -72,7 +72,8 @@ def simulate_many(
     threads as there are processors; many that stay on regular ground go side by side, by steps compiled for
     the mechanism where there is a compiler (equal to 1e-13). A start that is not plain (singular, in
     coordinates that do not serve to the end, or with a velocity that the loops do not allow) is left to
-    `simulate`, and so are all where there is no kernel or `torque` is a function.
+    `simulate`, and so are all where there is no kernel, `torque` is a function, or the mechanism's file has
+    stops, dry friction or joints that move the ground.
 
     Parameters
     ----------
@@ -123,7 +124,8 @@ def simulate_many(
     if not given:
         return runs
     given_up, plain = threading.Event(), None
-    if torques is None and not callable(applied) and set(record) <= set(NATIVE_RECORDS):
+    simple = torques is None and not (mechanism.parts or mechanism.moved or set(record) - {*NATIVE_RECORDS})
+    if simple and not callable(applied):
         library = chosen_library("auto", "bridge", "tangent")
         path = None if library is None else _found(mechanism, given, applied)
         if library is not None and path is not None:

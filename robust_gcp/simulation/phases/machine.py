@@ -119,8 +119,10 @@ class Machines:
             return mechanism
         basis = tuple(phase.basis)
         if basis not in self._held:
-            pool = self._pool(basis)
-            self._held[basis] = pool.pop() if pool else self._made(basis, here)
+            try:
+                self._held[basis] = self._pool(basis).pop()
+            except IndexError:  # not asked before: another thread may take the last one
+                self._held[basis] = self._made(basis, here)
         closures, found = self._held[basis]
         for i, closure in zip(basis, closures, strict=True):
             closure.move(phase.offsets[i])
