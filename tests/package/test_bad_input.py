@@ -321,19 +321,19 @@ STATES: dict[str, Case] = {
         lambda: run([0.2, -0.1, 0.2]),
         rg.ClosureError,
         # the coupler is turned by 0.1 rad: its tip is off by 2 sin 0.05 = 0.1 m, 0.0995 of it up
-        ("q0", "coupler_tip – rocker_tip", "open by 0.0998 m", "mech.assemble"),
+        ("configuration", "coupler_tip – rocker_tip", "open by 0.0998 m", "mech.assemble"),
     ),
     "q0 typed in degrees": (
         lambda: run([20.0, -20.0, 25.0]),
         rg.ClosureError,
-        ("q0", "coupler_tip – rocker_tip", "mech.assemble"),
+        ("configuration", "coupler_tip – rocker_tip", "mech.assemble"),
     ),
     "v0 too short": (lambda: run(Q, [1.0]), rg.StateError, ("v0", "(1,)", "(nv,) = (3,)")),
     "v0 not a number": (lambda: run(Q, [NAN, 0, 0]), rg.StateError, ("v0[0]", "nan", "finite")),
     "v0 tears the loop": (
         lambda: run(Q, [1.0, 0.0, 0.0]),
         rg.StateError,
-        ("v0", "coupler_tip – rocker_tip", "lift"),
+        ("velocity", "coupler_tip – rocker_tip", "lift"),
     ),
     "v0 immense": (
         lambda: run(Q, [1e200, -1e200, 1e200]),
