@@ -73,8 +73,11 @@ class CompiledActuators:
         if self._is_switched_off(a):
             return
         if is_constant(m, a):
-            (joint,) = path.joints
-            self.springs.append(JointTorque(joint, float(m.actuator_biasprm[a, 0]) * gear))
+            (joint,), target = path.joints, m.actuator_trnid[a, 0]
+            torque = float(m.actuator_biasprm[a, 0]) * gear
+            if m.jnt_actfrclimited[target]:
+                torque = float(np.clip(torque, *m.jnt_actfrcrange[target]))
+            self.springs.append(JointTorque(joint, torque))
             return
         self.ids.append(a)
         self.actuators.append(self._actuator(a, label, path, gear))
@@ -187,9 +190,7 @@ class CompiledActuators:
 
 def is_constant(m: Any, a: int) -> bool:
     """Whether an actuator's force is a constant on a joint with one number, whatever its control."""
-    joint = m.actuator_trnid[a, 0]
-    single = m.actuator_trntype[a] == JOINT and m.jnt_type[joint] not in (FREE, BALL)
+    single = m.actuator_trntype[a] == JOINT and m.jnt_type[m.actuator_trnid[a, 0]] not in (FREE, BALL)
     plain = m.actuator_dyntype[a] == 0 == m.actuator_gaintype[a] and m.actuator_biastype[a] == AFFINE
     constant = not (np.any(m.actuator_gainprm[a]) or np.any(m.actuator_biasprm[a, 1:]))
-    limited = m.actuator_forcelimited[a] or (single and m.jnt_actfrclimited[joint])
-    return bool(single and plain and constant and not limited)
+    return bool(single and plain and constant and not m.actuator_forcelimited[a])
