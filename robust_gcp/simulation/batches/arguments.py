@@ -95,6 +95,7 @@ def slopes_of_step(
     A, B = _in_the_mechanisms(mechanism, q, v, tau, step)
     for i, other in enumerate(own):
         if other is not mechanism:
+            A[i] = B[i] = np.nan
             with suppress(RobustGcpError, np.linalg.LinAlgError):
                 moved = differentiated(other, (q[i], v[i]), None, Acting(tau[i]), 0.0, step)
                 moved = moved.told_in(mechanism)
