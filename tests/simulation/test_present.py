@@ -31,7 +31,7 @@ def test_what_is_there_at_a_step_is_what_a_run_records(backend: Any) -> None:
         sim.step({"q1": float(np.sin(sim.t))})
         np.testing.assert_allclose(sim.q, run.q[i + 1], rtol=0.0, atol=1e-15)
     recorded = sim.trajectory
-    names = set(run.columns()) - {"work"}
+    names = set(run.columns())
     assert set(sim.now.columns()) == names
     for name in names:
         assert sim[name] == pytest.approx(recorded[name][-1], abs=1e-12), name
@@ -46,6 +46,19 @@ def test_what_is_there_at_a_step_is_what_a_run_records(backend: Any) -> None:
         np.testing.assert_allclose(getattr(sim.frame("coupler_tip"), what), last, rtol=0.0, atol=1e-12)
     with pytest.raises(rg.OptionError, match="q7"):
         sim["q7"]
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_work_is_told_beside_stops_too(backend: Any) -> None:
+    crank = rg.load("slider_crank")
+    joints = [rg.Stop("q3", upper=float(crank.home[2]) + 0.01, restitution=0.4), rg.JointFriction("q1", 0.1)]
+    sim = rg.Simulation(crank, None, crank.lift(crank.home, [-4.0]), joints=joints, backend=backend)
+    for k in range(60):
+        sim.step({"q1": float(np.sin(0.1 * k))})
+    assert sim.happenings
+    for name, values in sim.trajectory.columns().items():
+        if name != "t":
+            assert sim[name] == pytest.approx(values[-1], abs=1e-12), name
 
 
 @pytest.mark.parametrize("backend", BACKENDS)

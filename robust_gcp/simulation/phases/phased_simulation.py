@@ -81,7 +81,8 @@ class PhasedRun(Phases):
         """Where it is."""
         last = self.last
         forces = self.joined.rows.by_column(last["forces"][None])
-        more = {name: values[0] for name, values in forces.items()} | {"dissipated": self.dissipated}
+        more = {name: values[0] for name, values in forces.items()}
+        more |= {"dissipated": self.dissipated, "work": last["work"] + last["smooth"]}
         return Here(last["q"], last["v"], last["a"], last["tau"], None, more)
 
     @property

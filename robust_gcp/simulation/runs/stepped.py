@@ -168,7 +168,8 @@ class SteppedRun(FixedRun):
     def here(self) -> Here:
         """The same by name."""
         now = self.last
-        return Here(now.point.q, now.v, now.a, now.tau, now.drive)
+        work = {"work": float(self._x[-1])} if self._motion.works else {}
+        return Here(now.point.q, now.v, now.a, now.tau, now.drive, work)
 
     @property
     def toward(self) -> Array:
