@@ -14,7 +14,6 @@ is infinite, s is the cubic.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 
 import numpy as np
@@ -118,7 +117,7 @@ def _quintic(
 ) -> tuple[Array, Array, Array]:
     """s, ds/dt and d²s/dt² at x, with s(0) = 0 and s(1) = s1; rates and accelerations by time."""
     b, c = 3.0 * s1 - h * (2.0 * v0 + v1), h * (v0 + v1) - 2.0 * s1  # cubic: h v0 x + b x² + c x³
-    if not math.isfinite(a0.sum() + a1.sum()):
+    if not (np.isfinite(a0).all() and np.isfinite(a1).all()):
         known, by_t = np.isfinite(a0) & np.isfinite(a1), 2.0 / (h * h)
         a0, a1 = np.where(known, a0, by_t * b), np.where(known, a1, by_t * (b + 3.0 * c))
     A = 0.5 * (h * h * a0 - 2.0 * b)
