@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
 from .constraint.closed_check import require_closed, require_proper
-from .constraint.closures import closure_frames, joined_points
+from .constraint.closures import closure_frames
 from .constraint.constraint import without_zero_rows
 from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
 from .coordinates.loop_graph import characteristic_length
@@ -80,8 +80,9 @@ class ClosedLoops:
         self.length = characteristic_length(self.own_model, self.closures)
         self.standpoint = standpoint(self.own_model)
         self.near = seen_from(self.own_model, self.standpoint)
-        self.tree = Tree(self.near, closure_frames(self.near, self.loops))
-        self.tree.joined = joined_points(self.near, [c for c in self.loops if c.holds])
+        points, n = closure_frames(self.near, self.loops), len(self.loops)
+        self.tree = Tree(self.near, points)
+        self.tree.joined = [points[i::n] for i, closure in enumerate(self.loops) if closure.holds]
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.implicit = without_zero_rows(

@@ -140,7 +140,10 @@ class Line(PathOnBodies):
         """Whether a closure holds two points together: between them is no length and no direction."""
         pairs = (pair[::way] for pair in self._tree.joined for way in (1, -1))
         return any(
-            all(a == b and np.abs(x - y).max() <= SAME for (a, x), (b, y) in zip(pair, ends, strict=True))
+            all(
+                a == b and np.abs(place.translation - at).max() <= SAME
+                for (a, place), (b, at) in zip(pair, ends, strict=True)
+            )
             for pair in pairs
         )
 

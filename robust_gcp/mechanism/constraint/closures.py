@@ -263,14 +263,6 @@ def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[
     return [(int(frame.parentJoint), frame.placement) for frame in (*firsts, *seconds)]
 
 
-def joined_points(
-    model: pin.Model, closures: Sequence[Closure]
-) -> list[tuple[tuple[int, Any], tuple[int, Any]]]:
-    """Both origins of every closure: the joints that carry them, and where in these, (3,)."""
-    places = [(joint, np.array(place.translation)) for joint, place in closure_frames(model, closures)]
-    return list(zip(places[: len(closures)], places[len(closures) :], strict=True))
-
-
 def frame_of(model: pin.Model, name: str, owner: str) -> pin.Frame:
     """The frame of that name, or a ModelError by `owner` that names near ones.
 

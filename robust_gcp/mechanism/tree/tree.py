@@ -51,15 +51,15 @@ class Tree(threading.local):
         angular); valid after `rnea`.
     q, qdot : ndarray (nq,), (nv,)
         What `jacobians` and `rnea` were last called with.
-    joined : list of ((int, ndarray (3,)), (int, ndarray (3,)))
-        Points of two bodies that a closure holds together.
+    joined : list of [(int, pin.SE3), (int, pin.SE3)]
+        Of `points` those whose origins a closure holds together.
     """
 
     __slots__ = ("_massive", "_rotors", "joined", "model")  # slots are shared by all threads, the rest is not
     model: pin.Model
     _massive: pin.Model
     _rotors: Array | None
-    joined: list[tuple[tuple[int, Array], tuple[int, Array]]]
+    joined: list[list[tuple[int, pin.SE3]]]
 
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
         if not hasattr(self, "model"):  # runs again, with these arguments, in each further thread
