@@ -151,8 +151,12 @@ class HeldTorque(TorqueFunction):
 
     def u(self, t: float) -> Array:
         """u at a time in the step, (n,)."""
+        return self._u(self.value, t)
+
+    def _u(self, value: Array, t: float) -> Array:
+        """u at a time in the step that a value is held over, (n,)."""
         n = len(self._actuators)
-        return self._driven(self.controls, self.value[-n - 1 : -1], t - float(self.value[-1]))
+        return self._driven(value[-2 * n - 1 : -n - 1], value[-n - 1 : -1], t - float(value[-1]))
 
     def driven(self, rows: Array, t: Array) -> Array | None:
         """u at outputs (N,), of the values (N, …) held there: (N, n). None where there never was power."""
@@ -161,7 +165,7 @@ class HeldTorque(TorqueFunction):
         if not n or not len(t) or rows.shape[1] == self._size or np.all(np.isnan(u)):
             return None
         for k in np.flatnonzero(t != rows[:, -1]) if self.stride else ():  # within steps
-            u[k] = self._driven(rows[k, -2 * n - 1 : -n - 1], rows[k, -n - 1 : -1], t[k] - rows[k, -1])
+            u[k] = self._u(rows[k], t[k])
         return u
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
