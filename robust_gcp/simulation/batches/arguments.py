@@ -92,14 +92,17 @@ def slopes_of_step(
 
     Those of rows that move in other coordinates, `own`, are taken in these, and told in the mechanism's.
     """
-    A, B = _in_the_mechanisms(mechanism, q, v, tau, step)
-    for i, other in enumerate(own):
-        if other is not mechanism:
-            A[i] = B[i] = np.nan
-            with suppress(RobustGcpError, np.linalg.LinAlgError):
-                moved = differentiated(other, (q[i], v[i]), None, Acting(tau[i]), 0.0, step)
-                moved = moved.told_in(mechanism)
-                A[i], B[i] = moved.A, moved.B
+    same = np.array([other is mechanism for other in own], dtype=bool)
+    if same.all():
+        return _in_the_mechanisms(mechanism, q, v, tau, step)
+    n = 2 * mechanism.m
+    A, B = np.full((len(q), n, n), np.nan), np.full((len(q), n, mechanism.nv), np.nan)
+    A[same], B[same] = _in_the_mechanisms(mechanism, q[same], v[same], tau[same], step)
+    for i in np.flatnonzero(~same).tolist():
+        with suppress(RobustGcpError, np.linalg.LinAlgError):
+            moved = differentiated(own[i], (q[i], v[i]), None, Acting(tau[i]), 0.0, step)
+            moved = moved.told_in(mechanism)
+            A[i], B[i] = moved.A, moved.B
     return A, B
 
 
