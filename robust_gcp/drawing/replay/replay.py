@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ...checks import check_choice, check_positive, check_text, check_whole, path_given, real_array, shown
 from ...errors import MissingExtraError, OptionError, missing_extra
+from ...simulation.trajectories.archive import write_whole
 from ...simulation.trajectories.trajectory import Trajectory
 from .data import run_data, scene_data
 from .frames import playing_speed
@@ -46,12 +47,7 @@ class ReplayPage:
 
     def save(self, path: str | Path) -> Path:
         """Write the page; returns the path."""
-        path = path_given("path", path)
-        try:
-            path.write_text(self.html, encoding="utf-8")
-        except OSError as error:
-            raise OptionError(f"{path} cannot be written ({error.strerror})") from error
-        return path
+        return write_whole(path_given("path", path), lambda file: file.write(self.html.encode()))
 
     def _repr_html_(self) -> str:
         return (

@@ -16,7 +16,7 @@ from ...errors import OptionError, RobustGcpError, missing_file
 from ...mechanism.tree.tree import Array
 
 
-def write_whole(path: Path, fill: Callable[[io.BufferedWriter], None]) -> Path:
+def write_whole(path: Path, fill: Callable[[io.BufferedWriter], object]) -> Path:
     """Write a new file beside the old one, which stays whole until this one is, and takes its place.
 
     Raises
