@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..analysis.space import SEEDS, trace_modes
-from ..arguments import DEFAULT, Arguments, file, pathname, whole
+from ..arguments import DEFAULT, Arguments, file, whole
 from ..printing import listed, say, table, telling
 from .model import add_model, loaded
 
@@ -16,8 +16,7 @@ LARGEST_DPI = 1200
 def arguments(add_to: Arguments) -> None:
     """Name the arguments."""
     add_model(add_to)
-    text = "draw them: a .png or .pdf file"
-    add_to.add("--out", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--out", file((".png", ".pdf"), "a figure"), "FILE", "draw them: a .png or .pdf file")
     text = f"rough configurations to start from; {DEFAULT}"
     add_to.add("--seeds", whole(0), type=int, default=SEEDS, metavar="N", help=text)
     text = "two or three joints to draw over"

@@ -21,7 +21,6 @@ from ..arguments import (
     not_negative,
     number,
     part,
-    pathname,
     positive,
     whole,
 )
@@ -86,24 +85,22 @@ def _output(add_to: Arguments) -> None:
     add_to.add("--outputs", not_negative, nargs="+", type=number, metavar="T", help=text)
     text = f"write also any of {','.join(RECORDS)}"
     add_to.add("--record", type=names, default=[], metavar="LIST", help=text)
-    add_to.add(
-        "--out", csv_or_folder, type=pathname, metavar="PATH", help="write CSV: a file.csv, or a folder"
-    )
+    add_to.path("--out", csv_or_folder, "PATH", "write CSV: a file.csv, or a folder")
     text = "keep everything in a .npz file, for load_trajectory in Python"
-    add_to.add("--save", file((".npz",), "a trajectory"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--save", file((".npz",), "a trajectory"), "FILE", text)
 
     add_to.heading("pictures")
     text = "draw q, v and what drives take over time, or --columns: a .png or .pdf file"
-    add_to.add("--plot", file((".png", ".pdf"), "a figure"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--plot", file((".png", ".pdf"), "a figure"), "FILE", text)
     text = "what --plot draws: columns of the CSV, joints, or quantities such as q, drive, closure"
     add_to.add("--columns", part, nargs="+", metavar="NAME", help=text)
     add_to.add("--over", part, metavar="NAME", help="the column that --plot draws over; default: time")
     text = "write the motion as an animation: a .gif file, or a .mp4 file where ffmpeg is installed"
-    add_to.add("--animate", file((".gif", ".mp4"), "an animation"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--animate", file((".gif", ".mp4"), "an animation"), "FILE", text)
     text = "seconds of the motion in a second of --animate; default: 1"
     add_to.add("--speed", positive, type=number, metavar="X", help=text)
     text = "write the motion as a web page: a .html file"
-    add_to.add("--replay", file((".html", ".htm"), "a replay"), type=pathname, metavar="FILE", help=text)
+    add_to.path("--replay", file((".html", ".htm"), "a replay"), "FILE", text)
     text = "frames whose paths the replay draws; default: the first closure's"
     add_to.add("--trails", type=names, metavar="LIST", help=text)
 
