@@ -77,6 +77,7 @@ class Coordinates:
         key = ("clusters with a choice of coordinates", *named)
         self._parts, sizes, self._weights = mechanism.memo.once(key, lambda: _sized(mechanism, named))
         uneven = np.full(mechanism.m, UNEVEN if even else np.inf)
+        # σ_min(T[E]) = 1 / ‖J‖: for m = 1 J's largest entry is 1 / share of the best, else a sieve for it
         self.watch = Watch(sizes, 1.0 / CHANGE, uneven)
         self._evenest: dict[int, float] = {}  # by a cluster's first velocity: what others came to
 
@@ -86,6 +87,7 @@ class Coordinates:
 
     def turns_back(self, point: Point) -> bool:
         """Whether an entry of J is larger than those of good coordinates."""
+        # J = D⁻¹ G D_E, no unit: what is told by it is the same in millimetres
         return self.watch.limit < float((np.abs(point.G) * self._weights).max(initial=0.0)) < np.inf
 
     def better(self, point: Point) -> tuple[str, ...] | None:
@@ -106,6 +108,7 @@ class Coordinates:
     def best(self, point: Point) -> tuple[str, ...] | None:
         """The same with the worst cluster changed wherever others serve better at all."""
         shares = [_Choice(part, _tangent(part, point.G)).share for part in self._parts]
+        # 1e-9: the worst itself is below its share, and rounding takes nothing in place of the best there are
         return self._changed(point, min(max(CHANGE, min(shares, default=0.0) + 1e-9), 1.0 - 1e-9))
 
     def at_rest(self, q: Array) -> tuple[str, ...] | None:
@@ -114,13 +117,14 @@ class Coordinates:
         for part in self._parts:
             own = (q if groups is None else q[groups.rest_iq])[part.cluster.iq]
             loops = part.cluster.loops
+            # where y turns back K keeps its rank: its kernel is the tangent there, and G by K_d has no digits
             self._counters.svds += 1
             Vt = np.linalg.svd(loops.scaled(loops.K(own)))[2]
             tangent = Vt[loops.nv - part.cluster.m :].T
             choice = _Choice(part, tangent)
             if choice.share < CHANGE:
                 replaced |= _names(part, choice.conditioned())
-        return self._other(_renamed(mechanism, replaced))
+        return _renamed(mechanism, replaced)
 
     def _uneven(self, point: Point) -> list[tuple[_Part, float]]:
         """Clusters that move less evenly than was found to be good, and how evenly."""
@@ -135,7 +139,7 @@ class Coordinates:
         replaced, v = dict[int, str](), point.G.dot(point.ydot)
         for part in self._parts:
             choice = _Choice(part, _tangent(part, point.G))
-            if part.cluster.m > 1:
+            if part.cluster.m > 1:  # else σ_min is a number of T
                 self._counters.svds += 1
             eta = _unevenness(part, point, v) if self._even else 0.0
             poor = choice.share < share
@@ -144,13 +148,10 @@ class Coordinates:
             # first what is well conditioned, then, among such, what moves evenly
             chosen = choice.conditioned() if poor else part.cluster.chosen
             if self._even:
-                most = np.inf if poor else eta / GAIN
+                most = np.inf if poor else eta / GAIN  # poor ones are left even for others that gain less
                 chosen, self._evenest[part.iv[0]] = choice.evenest(point, v, chosen, most)
             replaced |= _names(part, chosen)
-        return self._other(_renamed(self.mechanism, replaced))
-
-    def _other(self, names: tuple[str, ...]) -> tuple[str, ...] | None:
-        return None if set(names) == set(self.mechanism.independent) else names
+        return _renamed(self.mechanism, replaced)
 
 
 def _names(part: _Part, chosen: Index) -> dict[int, str]:
@@ -194,16 +195,18 @@ class _Choice:
         Also the least unevenness that was found.
         """
         part = self._part
-        J, g, v = _in_units(part, point, v)
+        J = point.G[np.ix_(part.iv, part.inputs)] / part.units[:, None]
+        g, v = point.g[part.iv] / part.units, v[part.iv] / part.units
 
         def eta(way: Index) -> float:
             return unevenness(J, way, g, v)
 
+        # single exchanges end at an optimum of their own, which is not the same from both
         found = [evenest(J, start, g, part.candidates, self._serves) for start in (chosen, self._best)]
         found = [way for way in found if self._serves(way)]
         etas, now = [eta(way) for way in found], eta(chosen)
         least = min(etas, default=now)
-        if not least < min(most, now / GAIN):
+        if not least < min(most, now / GAIN):  # twice as even, or coordinates would go to and fro
             return chosen, least
         first = part.at_first
         if first is not None and self._serves(first) and eta(first) <= max(least, UNEVEN / GAIN):
@@ -216,18 +219,8 @@ def _unevenness(part: _Part, point: Point, v: Array) -> float:
     return bent(point.g[part.iv] / part.units, v[part.iv] / part.units)
 
 
-def _in_units(part: _Part, point: Point, v: Array) -> tuple[Array, Array, Array]:
-    """G, g and v of a cluster in radians and lengths."""
-    units = part.units
-    return (
-        point.G[np.ix_(part.iv, part.inputs)] / units[:, None],
-        point.g[part.iv] / units,
-        v[part.iv] / units,
-    )
-
-
-def _renamed(mechanism: Mechanism, replaced: dict[int, str]) -> tuple[str, ...]:
-    """The independent joints with other names at these positions in y; joints stay whole where they are."""
+def _renamed(mechanism: Mechanism, replaced: dict[int, str]) -> tuple[str, ...] | None:
+    """The independent joints with other names at these positions in y, joints whole; None: the same ones."""
     numbers, names, at = in_v(mechanism.joints), list[str](), 0
     for name in mechanism.independent:
         places = range(at, at + len(mechanism.velocities_of(name)))
@@ -236,22 +229,19 @@ def _renamed(mechanism: Mechanism, replaced: dict[int, str]) -> tuple[str, ...]:
             names.append(name)
         else:
             names += [replaced.get(k, numbers[mechanism.iv_independent[k]].name) for k in places]
-    return tuple(names)
+    return None if set(names) == set(mechanism.independent) else tuple(names)
 
 
 def _tangent(part: _Part, G: Array) -> Array:
     """Orthonormal basis of a cluster's motions, dimensionless."""
     J = G[np.ix_(part.iv, part.inputs)] / part.cluster.loops.column_scale[:, None]
-    return np.asarray(np.linalg.qr(J)[0])
+    return np.asarray(np.linalg.qr(J)[0])  # orthonormal: σ_min of its rows is then the same in any chart
 
 
 def _sized(mechanism: Mechanism, named: Sequence[str]) -> tuple[list[_Part], Array, Array]:
     """Clusters with a choice, 1 / unit of each velocity (nv,), and what makes their J of G, (nv, m)."""
-    parts, sizes, weights = (
-        _parts(mechanism, named),
-        np.zeros(mechanism.nv),
-        np.zeros((mechanism.nv, mechanism.m)),
-    )
+    parts = _parts(mechanism, named)
+    sizes, weights = np.zeros(mechanism.nv), np.zeros((mechanism.nv, mechanism.m))
     for part in parts:
         size = 1.0 / part.cluster.loops.column_scale
         sizes[part.iv] = size

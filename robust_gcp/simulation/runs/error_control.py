@@ -44,6 +44,7 @@ MANY = 5
 def _noise(f: Callable[[float, Array], Array], t: float, x: Array) -> Array:
     """How much ẋ differs between states that differ in the last digit, (2m,)."""
     here = f(t, x)
+    # relative steps: a number that is 0 has no last digit; several, as one may round as x itself does
     beside = [f(t, x * (1.0 + ulps * np.finfo(float).eps)) for ulps in (-2.0, 1.0, 2.0)]
     return np.asarray(np.max(np.abs(np.array(beside) - here), axis=0))
 
@@ -94,12 +95,13 @@ class RefinedRun(Run):
 
     def _control(self, i: int) -> ErrorControl:
         """How the kernel is to take steps from time i on."""
+        # well-conditioned outputs before the obstacle do not end it: the first of them was gone back to
         return ErrorControl(REFINED_RTOL, REFINED_ATOL, self._recovery.met_at - i + 1)
 
     def _refined(self, i: int, begun: Evaluation) -> Array:
         """One step through an uncertified zone by an error-controlled method."""
         bridged, x, t, end = self._cluster_map(), self._x, float(self.times[i]), float(self.times[i + 1])
-        if self._following is None or self._following.kept is not begun:
+        if self._following is None or self._following.kept is not begun:  # the step before was none of these
             self._follow_from(begun)
         ended = False
         while t < end and not ended:
@@ -108,7 +110,7 @@ class RefinedRun(Run):
                     for step in self._refinements(x, np.array([t, end])):
                         x, t, ended = step.x, step.t1, self._look_inside(i + 1, step)
                         if ended or (t < end and self._renewed_within(i, begun, t, x)):
-                            break
+                            break  # what the solver knows of its steps is in the coordinates before
                 except NoProgressError as error:
                     raise bridged.refusal() from error  # the map knows what stopped it
             if t < end and not ended:
@@ -127,7 +129,7 @@ class RefinedRun(Run):
         now = self._following.kept
         within = DenseStep(self._motion.explicit, self._motion.mechanism.m, step)
         zeros = self._events.zeros(now.point.q, now.v, within) if self._events else []
-        if zeros and zeros[-1].ends:
+        if zeros and zeros[-1].ends:  # later than that nobody logs what was passed
             self._cross(i, step.t1, now)
         self._keep_within(rows, within, zeros, now)
         return self._ended
@@ -154,7 +156,7 @@ class RefinedRun(Run):
             yield step
             if number % MANY == 0 and step.t1 < times[-1]:
                 made = (step.t1 - step.t0) * _noise(following, step.t1, step.x)
-                absolute[:] = np.maximum(REFINED_ATOL, made)
+                absolute[:] = np.maximum(REFINED_ATOL, made)  # in place: the solver reads it before each step
 
     def _follow_from(self, now: Evaluation) -> None:
         """Follow the mode anew from an evaluation at the present state."""
@@ -191,6 +193,7 @@ class RefinedRun(Run):
         m, mechanism = self._motion.mechanism.m, in_coordinates(self._named, names)
         explicit = self._motion.explicit
         try:
+            # beside an apex two sheets are as near as it is: a start found anew from K_d would be refused
             if isinstance(explicit, ClusterMap) and explicit.beside_apex(mechanism) is not None:
                 first = turned(begun.point, mechanism)
                 first_x = np.concatenate([first.y, first.ydot])
@@ -203,7 +206,7 @@ class RefinedRun(Run):
         except SimulationError:
             return False
         self._last = replace(here, point=new, ydd=here.a[self._motion.mechanism.iv_independent])
-        state = np.concatenate([first_x, self._behind[2 * m :]])
+        state = np.concatenate([first_x, self._behind[2 * m :]])  # the work done is in no coordinates
         self._recovery.renewed(Checkpoint(i, state, first))
         return True
 

@@ -66,15 +66,16 @@ def evenest(
     serves : callable
         Whether components are conditioned well enough.
     """
-    for _ in range(len(chosen)):
+    for _ in range(len(chosen)):  # as many exchanges as replace all of them
         W, a = kept_rates(tangent, chosen, g)
         others = np.setdiff1d(candidates, chosen)
         # in the chart E, i in place of the component at j changes a_E by −W[:, j] a_E[i] / W[i, j]
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = a[others][:, None] / W[others]
             sizes = np.abs(a[:, None, None] - W[:, None, :] * ratio).max(axis=0)
-        sizes[~np.isfinite(sizes)] = np.inf
+        sizes[~np.isfinite(sizes)] = np.inf  # W[i, j] = 0: i rests while j moves, and is none in its place
         enough = (1.0 - WORTH) * float(np.abs(a).max(initial=0.0))
+        # each look at conditioning costs an SVD; stable: of equal ones, as of mirrored legs, the first
         order = np.argsort(sizes.ravel(), kind="stable")[:LOOKED_AT]
         ways = ((*divmod(int(k), len(chosen)), float(sizes.flat[k])) for k in order)
         tried = (np.sort(np.append(np.delete(chosen, j), others[i])) for i, j, size in ways if size < enough)

@@ -101,6 +101,7 @@ class FixedRun(RefinedRun):
                             self._look_within(i, End.of(self._last, self._behind), now)
                         if self._ended:
                             return
+                        # only now: what the step passed, and what lies within it, is in the chart it began in
                         now, self._x = in_new_chart(self._motion.explicit, now, self._x)
                     elif self._events:
                         self._events.begin(float(self.times[i]), now.point.q, now.v)
@@ -120,7 +121,7 @@ class FixedRun(RefinedRun):
                     self._leave()
                 if self._native is not None and by_kernel:
                     i, going = self._natively(self._native, i, last, now)
-                    if self._unbridged:
+                    if self._unbridged:  # the same search in Python takes seconds, and finds none either
                         raise ObstacleError(UNBRIDGED)
                     if i == last or self._ended or self.paused:
                         return
@@ -158,7 +159,7 @@ class FixedRun(RefinedRun):
         """The equations at the present state."""
         known, self._first = self._first, None
         if known is not None:
-            self._counters.rhs += 1
+            self._counters.rhs += 1  # the kernel made it when it closed the start
             return known
         if self._following is not None and self._following.kept is not None:
             return self._following.kept  # at the end of a step with error control
@@ -200,6 +201,7 @@ class FixedRun(RefinedRun):
                 return i, None
             if batch.reason is Reason.OBSTACLE:  # what has outputs within, Python goes on with
                 self._unbridged = not self._looked_for(i + 1)
+            # all else is Python's to do; where coordinates or bounds were looked at in vain, it goes on
             if batch.reason not in (Reason.DONE, Reason.CHART, Reason.MET) or self.paused:
                 break
         return i, now
@@ -224,6 +226,7 @@ class FixedRun(RefinedRun):
 
     def _watch_rows(self, i: int, q: Array) -> None:
         """Refuse to go on where rows of φ are left open at some of the outputs after time i."""
+        # backwards: the last one is always among them, as the run goes on from there
         for j in range(len(q) - 1, -1, -max(1, len(q) // WATCHED)):
             self._watch(q[j], i + 1 + j)
 
@@ -248,7 +251,7 @@ class FixedRun(RefinedRun):
         now = self._last
         assert now is not None  # the step was taken over
         if self._events.pending:
-            self.paused = False
+            self.paused = False  # MET was said of an event: of bounds the guard tells
             if self.guard is not None:
                 self._look_out(self.guard, i, before, now)
         self._look_within(i, before, now, told=rows.within is not None)
@@ -266,7 +269,7 @@ class FixedRun(RefinedRun):
     def _stepped(self, i: int, now: Evaluation) -> Array:
         f, t, end = self._motion.equations, float(self.times[i]), float(self.times[i + 1])
         x = self._take(f, t, self._x, end - t, f.derivative(now))
-        if not all(map(isfinite, x.tolist())):
+        if not all(map(isfinite, x.tolist())):  # of so few numbers a fifth of what `np.isfinite` takes
             raise NonFiniteError(
                 f"the state left the finite numbers between t = {t:.6g} and {end:.6g} s; use a "
                 "smaller step, or an implicit stepper (Radau, BDF) if the mechanism is stiff"
@@ -276,6 +279,7 @@ class FixedRun(RefinedRun):
     def _back_to(self, safe: Checkpoint) -> int:
         """Forget what came after the checkpoint."""
         self._leave()
+        # without a last evaluation what was passed before the checkpoint is not logged once more
         self._x, self._motion.explicit.anchor, self._last = safe.x, safe.point, None
         self._record.rewind(safe.i)
         self.lowest = min(self.lowest, safe.i)

@@ -72,9 +72,10 @@ class Record:
         self._tau = np.zeros((n, mechanism.nv)) if looked_into or "tau" in items else None
         self.work = np.empty(n) if motion.works else None
         self._driven = None if motion.drive is None else mechanism.iv_independent[motion.drive.driven]
+        # NaN: no drive, which is not a drive that takes no effort
         self._drive = None if self._driven is None else np.full((n, mechanism.nv), np.nan)
         self._crossings: list[Crossing] = []
-        self._warned = self._spun = False
+        self._warned = self._spun = False  # told once a run: a crank passes the place each turn
         self.keeps, self._gone, self._kept = keep, 0, dict[str, list[Array]]()
         self.count, self.at = 0, -1
         self.last_state: Array = np.zeros(0)
@@ -105,7 +106,7 @@ class Record:
 
     def end(self, t: float, now: Evaluation, x: Array) -> None:
         """The run ends at time t, before its outputs do: keep the state there as the last."""
-        before = int(np.searchsorted(self._t[: self.count], t))
+        before = int(np.searchsorted(self._t[: self.count], t))  # steps of a batch may have gone further
         self._room(1)
         self._t, self.count = np.append(self._t[:before], t), before
         self.keep(before, now, x)
@@ -235,7 +236,7 @@ class Record:
             if values is not None:
                 self._kept.setdefault(name, []).append(values[chosen])
                 if name != "_t":
-                    values[: self.count - n] = values[n : self.count].copy()
+                    values[: self.count - n] = values[n : self.count]  # moved: the kernel writes into these
         self._gone += n
         self.count, self.at = self.count - n, self.at - n
         self._schedule, self._t = schedule, schedule.outputs
@@ -261,27 +262,25 @@ class Record:
     def trajectory(self, stats: Stats, events: Events) -> Trajectory:
         """What is kept so far."""
         chosen = self.keeps.shown(self._gone, self.count)
-
-        def cut(name: str) -> Array:
-            rows: Array = getattr(self, name)[chosen]
-            return np.concatenate([*self._kept[name], rows]) if self._kept else rows
-
-        def where_kept(name: str) -> Array | None:
-            return None if getattr(self, name) is None else cut(name)
-
+        rows: dict[str, Array] = {}
+        for name in ("_t", *ROWS):
+            values: Array | None = getattr(self, name)
+            if values is not None:
+                kept = self._kept.get(name, [])
+                rows[name] = np.concatenate([*kept, values[chosen]]) if kept else values[chosen]
         return Trajectory(
             self.mechanism,
-            cut("_t"),
-            cut("_q"),
-            cut("_v"),
-            where_kept("_a") if "a" in self._told else None,
-            where_kept("_energy"),
-            where_kept("_multipliers"),
-            where_kept("work"),
+            rows["_t"],
+            rows["_q"],
+            rows["_v"],
+            rows.get("_a") if "a" in self._told else None,  # else of steps that were looked into
+            rows.get("_energy"),
+            rows.get("_multipliers"),
+            rows.get("work"),
             self.crossings,
             stats,
-            where_kept("_drive"),
+            rows.get("_drive"),
             *(events.found(self.mechanism) if events else ([], [], [])),
             events.ended_by,
-            where_kept("_tau") if "tau" in self._told else None,
+            rows.get("_tau") if "tau" in self._told else None,
         )

@@ -103,6 +103,7 @@ class Recovery:
         """Take note of an output."""
         self.best = max(self.best, point.conditioning)
         good = bool(point.conditioning >= good_from(np.asarray(self.best)))
+        # outputs are good again from the checkpoint on: what counts is that the obstacle lies behind
         self.error_controlled = self.error_controlled and not (good and i > self.met_at)
         self.changing = self.changing and self.error_controlled
         if good and not self.error_controlled:
@@ -121,12 +122,14 @@ class Recovery:
         SimulationError
             `stop` itself, where neither helps.
         """
+        # met with error control already, the same obstacle is one of the coordinates, or ends the run
         if isinstance(stop, ObstacleError) and not (self.error_controlled and i <= self.met_at):
             self.met_at, self.error_controlled = i, True
             self.changing = stop.obstacle.kind == "toggle" and self._may_change
             return False
         # the true curve is lost in these coordinates; others may hold it
         known = self.changing or not isinstance(stop, ToggleError)  # else told only now what it is
+        # coordinates that were changed at this checkpoint did not help: without end otherwise
         if not self.error_controlled or not self._may_change or (known and self.safe.i <= self._changed_at):
             raise stop
         self.error_controlled, self.changing = True, not known
@@ -152,6 +155,7 @@ class Recovery:
         With error control, where it is on the way already and these are poorly conditioned too.
         """
         on_the_way = self.error_controlled and not self.changing
+        # one step of RK4 between, in coordinates that are poor too, erred by 5e-5
         self.error_controlled = on_the_way and safe.point.conditioning < POOR
         if not self.error_controlled:
             self.best = 0.0  # what was good in the coordinates before is nothing here

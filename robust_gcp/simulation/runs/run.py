@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields
+from dataclasses import asdict
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
 from ...maps.classical import SingularityWarning
 from ...maps.cluster.cluster_map import ClusterMap
-from ...maps.explicit import Counters, Point
+from ...maps.explicit import Point
 from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -32,8 +32,6 @@ from .schedule import ALL, Keep, Schedule
 from .solver_rates import Following
 from .stats import Stats, Stretches
 from .within_steps import DenseStep, FixedStep
-
-COUNTED = tuple(field.name for field in fields(Counters))
 
 TOLD = 3e-9
 """Relative error of G by rounding that a warning tells."""
@@ -133,8 +131,6 @@ class Run:
         if isinstance(motion.torque, HeldTorque):
             error.time = error.v = error.arrival = None
 
-    # --------------------------------------------------------------------- within a step
-
     def _keep_within(
         self, rows: Sequence[int], step: FixedStep | DenseStep, zeros: Sequence[Zero], now: Evaluation
     ) -> None:
@@ -145,7 +141,7 @@ class Run:
         waiting = list(zeros)
         for row in rows:
             t = float(self._schedule.outputs[row])
-            while waiting and waiting[0].t < t:
+            while waiting and waiting[0].t < t:  # by time: no output after what ends the run
                 self._keep_zero(waiting.pop(0), step)
             if self._ended:
                 return
@@ -168,8 +164,6 @@ class Run:
             point = self._motion.explicit.point_at(x[:m], x[m : 2 * m])
             self._events.add(zero, point.q, point.G.dot(point.ydot))
 
-    # --------------------------------------------------------------------- changes of coordinates
-
     def _cluster_map(self) -> ClusterMap:
         explicit = self._motion.explicit.rest
         assert isinstance(explicit, ClusterMap)  # no other map knows uncertified zones
@@ -183,6 +177,7 @@ class Run:
 
     def _lose(self, lost: float, distance: float, wanted: float = 0.0) -> None:
         """Take note of what rounding costs of G beside a singular place without a bridge."""
+        # the worst of a passage, of which one knows when half of it is left: one warning, not one a step
         if lost > max(TOLD, wanted, self._lost[0]):
             self._lost = lost, distance
         elif lost < 0.5 * self._lost[0]:
@@ -217,6 +212,7 @@ class Run:
         """Joints that serve better than the independent ones beside bridges; None where these do well."""
         if self._coordinates is None:
             return None
+        # J is large there for a while though y serves, and the bridge has coordinates of its own
         on_bridge = self._motion.trackers is not None and self._cluster_map().on_bridge
         return None if on_bridge else self._coordinates.better(point)
 
@@ -234,8 +230,9 @@ class Run:
         mechanism = in_coordinates(self._named, names)
         self._motion = self._problem_in(mechanism, here, here.G @ x[m : 2 * m])
         self._coordinates = self._looked_after()
-        self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])
+        self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])  # the work done goes on
         self._last = None
+        # those of steps that were gone back over come again, or do not
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
         return Checkpoint(i, self._x, self._motion.start.point)
@@ -243,6 +240,7 @@ class Run:
     def _problem_in(self, mechanism: Mechanism, here: Point, v: Array) -> Problem:
         """The motion from here on in the coordinates of `mechanism`."""
         motion, explicit = self._motion, self._motion.explicit
+        # there q tells φ to ε alone, and with it G to ε/δ²: the map's own tangents, not a start anew
         apart = explicit.beside_apex(mechanism) if isinstance(explicit, ClusterMap) else None
         if apart is not None:
             path, point, trackers = apart
@@ -251,12 +249,10 @@ class Run:
         more = None, motion.torque, motion.choice, motion.counters
         return initial_value_problem(mechanism, here.q, v, *more)
 
-    # --------------------------------------------------------------------- record
-
     def _accept(self, i: int, now: Evaluation) -> None:
         """Record the evaluation at time i."""
         if self._redundant:
-            self._watch(now.point.q, i)
+            self._watch(now.point.q, i)  # before it is recorded as an output
         self._record.add(i, now, self._x)
         self._last = now
         if self._progress is not None:
@@ -279,7 +275,7 @@ class Run:
         if self._lost[0] > 0.0:
             self._tell_what_is_lost()
         stats = Stats(
-            **{name: getattr(self._counters, name) for name in COUNTED},
+            **asdict(self._counters),
             repartitions=self._repartitions,
             refined=self._stretches,
             wall_seconds=time.perf_counter() - begun,

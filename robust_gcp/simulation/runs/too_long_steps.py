@@ -44,7 +44,7 @@ class Coarse:
         self._step, self._pace = step, 1.0 / mechanism.units
         self._pace_of_step = self._pace * step
         self._loops = mechanism.nc > 0
-        self._far, self._leaked = not self._loops, False
+        self._far, self._leaked = not self._loops, False  # without loops no crossing can be missing
 
     def judge(self, run: Trajectory) -> None:
         """Warn of a whole run."""
@@ -59,6 +59,7 @@ class Coarse:
         # at least the largest motion of a joint in a step: cheaper than a look at each step
         fastest = float((np.abs(run.v).max(axis=0) * self._pace_of_step).max(initial=0.0))
         if not self._far and not fastest <= FARTHEST:
+            # outputs may be nearer than steps, and then tell of no more than their share of one
             far = np.abs(run.v[:-1] * self._pace).max(axis=1) * np.minimum(np.diff(run.t), self._step)
             i = int(np.argmax(far))
             found = self._jump(float(run.t[i]), float(far[i]))
@@ -70,6 +71,7 @@ class Coarse:
         """Warn where a step from time t on takes a joint of a loop further than `FARTHEST`."""
         if not self._far:
             far = v * self._pace_of_step
+            # |v| ≥ max |v_i|: one product in each step, and a closer look where that is large
             fault = None if far.dot(far) < FARTHEST**2 else self._jump(t, float(np.abs(far).max()))
             if fault is not None:
                 warn(fault, CoarseStepWarning)
@@ -91,7 +93,8 @@ class Coarse:
         done = run.work_left
         work = [0.0] * len(rows) if done is None else done[rows].tolist()
         total = [k + u - w for k, u, w in zip(moving, resting, work, strict=True)]
-        leak = max(abs(e - total[0]) for e in total)
+        leak = max(max(total) - total[0], total[0] - min(total))
+        # what gravity has where one chose its zero is no measure: what comes and goes of it is
         at_work = max(*moving, max(resting) - min(resting))
         if not leak > max(LEAK * at_work, ROUNDING * max(map(abs, resting))):
             return None
