@@ -133,7 +133,7 @@ class Course:
             finally:
                 if native is not None:
                     native.release()
-                if stability is not None:
+                if stability is not None:  # where the run failed too: it says why
                     stability.after(motion)
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)
@@ -143,6 +143,7 @@ class Course:
     ) -> tuple[Problem, NativeSteps | None, StabilityCheck | None]:
         """The motion at its start, what takes its steps natively, and what tells whether these are stable."""
         held, stability = isinstance(torque, HeldTorque), None
+        # the region is that of the classical tableau; SciPy's solvers choose their steps
         if self.checked and self.tableau == "rk4" and self.solver is None and self.drives is None:
             function = None if held else torque
             stability = StabilityCheck(self.mechanism, function, self.step, self.choice.options)
@@ -220,8 +221,10 @@ class Course:
         if fault is not None and again is not None:
             return taken_again(again, self.schedule, self.step, fault)
         assert finished is not None  # what cannot be mended was raised
+        # a kink leaves its own error of energy, which a shorter step would not mend
         if self.drives is not None and warned_of_kink(self.drives, finished.t):
             return finished
+        # the other methods are there as published, their errors with them
         if self.checked and self.solver is None and self.choice.method == "bridge":
             coarse.judge(finished)
         return finished

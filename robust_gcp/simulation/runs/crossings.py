@@ -61,6 +61,7 @@ def stretch_between(
 
     In charts by the motion on the group that these determine, as there ẏ are not the velocities.
     """
+    # the quintic errs by h⁶, the step by h⁵: a crossing is placed as well as the motion is known
     if not explicit.rest.path.mechanism.chart_joints:
         points = ((point.y, point.ydot, ydd) for point, ydd in ends)
         return hermite(*times, *([numbers(explicit, part) for part in end] for end in points))
@@ -96,7 +97,7 @@ def placed_between(
     between = Interpolant(mechanism.tree, np.array(times), *map(np.array, zip(*ends, strict=True)))
     found = between(np.array([c.time for c in crossings]))[0]
     for q, crossing in zip(found, crossings, strict=True):
-        q[groups.rest_iq] = crossing.q
+        q[groups.rest_iq] = crossing.q  # closed to rounding on the bridge, as the polynomial is not
     return [replace(c, q=q) for c, q in zip(crossings, found, strict=True)]
 
 
@@ -122,6 +123,7 @@ def together(crossings: Sequence[Crossing]) -> list[Crossing]:
         one = found[at]
         found[at] = replace(
             one,
+            # what is known least of them
             kind=next(
                 (kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind
             ),
@@ -136,7 +138,7 @@ def together(crossings: Sequence[Crossing]) -> list[Crossing]:
 def _met_before(found: Sequence[Crossing], new: Crossing) -> int | None:
     """Which of those found the new one is."""
     for i in range(len(found) - 1, -1, -1):
-        if new.time - found[i].time > AT_ONCE:
+        if new.time - found[i].time > AT_ONCE:  # all before are earlier still
             break
         if new.cluster is not None and found[i].cluster == new.cluster:
             return i

@@ -70,12 +70,14 @@ class Part:
     def last(self) -> tuple[Array, Array]:
         """q and v at its end."""
         _, p, eta, _ = self._at(self._sigma)
+        # the event's p is 0 but for rounding, of either sign: the other branch would begin there
         return self._arc.state(0.0 if self.ends == "cusp" else self.branch * p, eta)
 
     def _where(self, t: float) -> Array:
         """t, p, η and the work at a time."""
         sigma = 0.0 if t <= self.t0 else self._sigma
         if self.t0 < t < self.t1:
+            # dt = p dσ, p > 0: t grows with σ; by t itself ṗ is infinite at the cusp
             sigma = float(scipy.optimize.brentq(lambda s: float(self._at(s)[0]) - t, 0.0, sigma, xtol=1e-15))
         return self._at(sigma)
 
@@ -135,7 +137,7 @@ class Arc:
         self.mechanism, self._acting, self._space = mechanism, acting, met.curve.surface.space
         found = round_cusp(met, options)
         self.R, n = found.half, self._space.nv
-        s = nodes(len(found.table))
+        s = nodes(len(found.table))  # an even number: none at 0, where x' / p is 0 / 0
         slopes = np.array([found.values_at(self.R * p)[1] for p in s])
         self._x, self._k = found.table[:, :n], fitted(slopes / (self.R * s)[:, None])
         self._turn = chebyshev.chebder(self._k) / self.R
@@ -161,7 +163,7 @@ class Arc:
         ps = np.linspace(-self.R, self.R, 201)
         p = float(ps[np.argmin([np.abs(self._on(self._x, s) - x).max() for s in ps])])
         for _ in range(30):  # Gauss–Newton
-            slope = p * self._on(self._k, p)
+            slope = p * self._on(self._k, p)  # x', which is 0 at the cusp; k, for the speed below, is not
             step = float(slope @ (x - self._on(self._x, p)) / (slope @ slope))
             p = min(max(p + step, -self.R), self.R)
             if abs(step) < 1e-15:
@@ -175,7 +177,7 @@ class Arc:
         t, p, eta, work = state.tolist()
         q, v = self.state(branch * p, eta)
         way, bend, rates = self._ways(branch, state)
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):  # at p = 0 it is infinite, and told so
             a = (way * rates[2] + bend * eta**2) / np.float64(p)
         return q, v, a, self._acting(t, q, v)[0], work
 
@@ -205,13 +207,14 @@ class Arc:
         branch : {1, -1}, optional
             Of p = 0, where p has no sign.
         """
-        branch = branch or float(np.sign(p))
+        branch = branch or float(np.sign(p))  # p itself is kept positive, so that time runs with σ
         ends = "cusp", "out", "late"
 
         def event(name: str) -> Callable[[float, Array], float]:
             def zero(_: float, state: Array) -> float:
                 return float({"cusp": state[1], "out": self.R - state[1], "late": until - state[0]}[name])
 
+            # falling alone: a motion that begins at the cusp leaves p = 0 upwards
             zero.terminal, zero.direction = True, -1  # type: ignore[attr-defined]
             return zero
 

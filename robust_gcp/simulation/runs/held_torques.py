@@ -32,7 +32,7 @@ class HeldTorques:
     def restart(self, value: Array) -> None:
         """Hold a value from the start on, and nothing else before."""
         self._since, self._values = [0], [value]
-        self.now.value, self.bits = value, value.tobytes()
+        self.now.value, self.bits = value, value.tobytes()  # bits: NaN, no power, equals itself there
 
     def hold(self, i: int, value: Array, bits: bytes) -> None:
         """Hold a value from time i on."""
@@ -55,7 +55,7 @@ class HeldTorques:
     def forget(self, n: int) -> None:
         """Number the times from the n-th on."""
         first = bisect_right(self._since, n) - 1
-        self._since = [max(0, i - n) for i in self._since[first:]]
+        self._since = [max(0, i - n) for i in self._since[first:]]  # the first was set before, and still acts
         self._values = self._values[first:]
 
     def resume(self) -> None:

@@ -56,7 +56,7 @@ def problem_where_served(
             try:
                 return initial_value_problem(other, q0, v0, mode, torque, choice, counters)
             except (SimulationError, PartitionError):
-                continue
+                continue  # the first error is raised: it is of what the caller named
         raise
 
 
@@ -79,6 +79,7 @@ def is_plain(mechanism: Mechanism) -> bool:
 
     def found() -> bool:
         rest = rest_of(mechanism)
+        # which of redundant rows serve hangs on the configuration, and is Python's to find
         determined = rest.nc == len(rest.iv_dependent)
         determined = determined and all(c.loops.nc == len(c.iv) - c.m for c in rest.clusters)
         return determined and len(rest.numbers) == rest.m and mechanism.m > 0
@@ -119,6 +120,7 @@ def closed_by_kernel(
     if v is None:
         return begun if moved <= NEARLY_CLOSED else None
     apart, size = np.abs((now.v - v) / units).max(), np.abs(v / units).max()
+    # at rest there is nothing to be relative to: 1 rad or length a second
     return begun if moved <= NEARLY_CLOSED and apart <= COMPATIBLE * max(size, 1.0) else None
 
 
@@ -182,7 +184,7 @@ def _evaluated(
     if begun.trackers is not None:
         motion.resume(now.point, begun.trackers)
         count_in(path.counters, begun.counts)
-    motion.first = None if native.asks else now
+    motion.first = None if native.asks else now  # a function has not been asked: the run does, in its order
     return motion
 
 

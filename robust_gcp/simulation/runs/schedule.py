@@ -56,7 +56,7 @@ class Keep:
         if self.all:
             return slice(0, n)
         chosen = self.among(first, n)
-        if self.last and n and not (len(chosen) and chosen[-1] == n - 1):
+        if self.last and n and n - 1 not in chosen:
             return np.append(chosen, n - 1)
         return chosen
 
@@ -106,7 +106,7 @@ class Schedule:
     @classmethod
     def at(cls, times: Array, outputs: Array) -> Schedule:
         """These outputs, each at the end of a step or within one."""
-        width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])
+        width = SAME * np.diff(times, prepend=2.0 * times[0] - times[1])  # of the step that ends there
         # looked up by output, of which there may be few to millions of steps
         reached = np.searchsorted(times + width, outputs)
         passed = np.searchsorted(times - width, outputs, side="right")
@@ -177,8 +177,9 @@ def planned(
     end = t0 + duration
     if not t0 + step > t0 or not end - step < end:
         raise OptionError(f"t0 = {t0} s is so large that a step of {step} s after it is lost in rounding")
+    # 2.1 / 0.7 is 3 and its rounding: no fourth step of 1e-16 s; the last one is shorter where it has to be
     count = max(1, math.ceil(duration / step - 1e-9))
-    times = t0 + step * np.arange(count + 1)
+    times = t0 + step * np.arange(count + 1)  # not summed up, which would drift by ε t a step
     times[-1] = end
     if outputs is None:
         return Schedule.every(times), step
@@ -187,6 +188,7 @@ def planned(
         k, last = np.searchsorted(asked, times), len(asked) - 1
         before, after = asked[np.clip(k - 1, 0, last)], asked[np.clip(k, 0, last)]
         gap = np.minimum(np.abs(times - before), np.abs(times - after))
+        # of two times that are one, the output's: it is told to the last bit as it was asked for
         times = np.unique(np.concatenate([times[gap > SAME * step], asked]))
     return Schedule.at(times, asked), step
 
@@ -217,4 +219,4 @@ def _checked(outputs: ArrayLike, t0: float, end: float) -> Array:
         raise OptionError(
             f"outputs from {times[0]:g} to {times[-1]:g} s lie outside the run, from {t0:g} to {end:g} s"
         )
-    return np.clip(times, t0, end)
+    return np.clip(times, t0, end)  # 3 · 0.1 lies beyond 0.3 by rounding

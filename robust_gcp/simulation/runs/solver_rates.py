@@ -100,7 +100,7 @@ class Following:
         ends = np.array([behind, step.x])[:, : 2 * self._motion.mechanism.m]
         found = self._rates.passed((step.t0, step.t1), ends, step.between)
         if found:
-            self.looked()
+            self.looked()  # else the next step would tell them again
         return found
 
     @property
@@ -143,6 +143,7 @@ class Following:
         explicit, y = self._motion.explicit, x[: self._motion.mechanism.m]
         rest, last = explicit.rest, point_of_rest(self.kept.point)
         y = numbers(explicit, y)
+        # in another chart y are other numbers, and cannot be compared
         if last.origin is rest.anchor.origin and _apart(y, last.y) < _apart(y, rest.anchor.y):
             rest.anchor = last
 
@@ -181,7 +182,7 @@ class Following:
         return now
 
     def _fall_back(self) -> None:
-        self.share()
+        self.share()  # first: dropped, the kernel cannot say any more where it is
         self.drop()
 
     def _hand_over(self, now: Evaluation, x: Array) -> None:

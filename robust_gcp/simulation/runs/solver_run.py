@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from ...dynamics.equations import Evaluation
 from ...dynamics.linearise import ReducedJacobian
 from ...errors import NonFiniteError, ToggleError
 from ...kernel.simulation.steps import NativeSteps
@@ -51,7 +50,9 @@ class AdaptiveRun(Run):
         stepper, rtol, atol = self._solver
         times, begun = self.times, float(self.times[0])
         first = self._motion.equations.evaluate(begun, self._x)
-        self._begin(0, first)
+        self._accept(0, first)
+        if self._events:
+            self._events.begin(begun, first.point.q, first.v)
         self._following.begin(first, self._x)
         # In other coordinates the memory of a solver means nothing: it begins anew at the last output.
         safe, safe_at = Checkpoint(0, self._x, first.point), begun
@@ -70,13 +71,13 @@ class AdaptiveRun(Run):
                     plain = self._following.plain and not self._events
                     if not plain:
                         self._rounding(self._following, rtol)
-                    self._look_behind(step, plain)
-                    if self._events:  # which the map in Python is asked for
+                    self._look_behind(step, plain)  # before outputs and events, which move the map
+                    if self._events:  # which the map in Python is asked for, at many times in the step
                         self._following.share()
                     within, zeros = self._zeros(step)
                     end = zeros[-1].t if zeros and zeros[-1].ends else np.inf
                     for x in step.outputs:
-                        if times[i + 1] > end:
+                        if times[i + 1] > end:  # the solver went on beyond the event
                             break
                         i += 1
                         if not np.all(np.isfinite(x)):
@@ -89,7 +90,7 @@ class AdaptiveRun(Run):
                         self._keep_zero(zero, within)
                     if end < np.inf:
                         return
-                    more = not plain and i + 1 < len(times)
+                    more = not plain and i + 1 < len(times)  # `plain` includes that no chart is outgrown
                     if more and np.all(np.isfinite(step.x)) and self._outgrown(i, step):
                         begun = safe_at = step.t1
                         safe = Checkpoint(i, self._x, self._motion.explicit.anchor)
@@ -122,12 +123,6 @@ class AdaptiveRun(Run):
         if names is not None:
             self._repartition(i, step.t1, names)
         return True
-
-    def _begin(self, i: int, now: Evaluation) -> None:
-        """Accept the evaluation at time i, and look for events from there on."""
-        self._accept(i, now)
-        if self._events:
-            self._events.begin(float(self.times[i]), now.point.q, now.v)
 
     def _zeros(self, step: SolverStep) -> tuple[DenseStep, list[Zero]]:
         """The motion within a step, and the events there."""

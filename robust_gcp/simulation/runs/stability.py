@@ -47,7 +47,7 @@ MOST_PARTS = 64
 
 
 NEAREST = 2.5
-"""Less than the distance of the region's boundary from 0, in the left half-plane."""
+"""Less than the distance of the region's boundary from 0 in the left half-plane, which is 2.616."""
 
 Call = tuple[float, Array, Array, Array]
 """t, q, v and τ."""
@@ -113,6 +113,7 @@ class StabilityCheck:
         value = None if self._listener else self._too_fast(motion, partial(self._limiting, native))
         if value is None:
             return 1
+        # a power of two: ends of the usual steps are ends of parts to the last bit, as of thirds they are not
         parts = 1 << max(1, math.ceil(math.log2(self._step / (INSIDE * stable_step(value)))))
         taken = (
             f"steps of {self._step / parts:.4g} s are taken, and rows recorded as before"
@@ -160,14 +161,15 @@ class StabilityCheck:
 
     def _limiting(self, native: NativeSteps | None, motion: Problem) -> complex | None:
         rates = None if native is None else native.rates_at_start(motion)
-        if rates is None:
+        if rates is None:  # the kernel goes back to the start by itself; a map in Python has to be another
             motion = self._beside(motion.start, self.torque)
         if motion.mechanism.m > MANY:
             return limiting_eigenvalue(motion, self._step, rate=rates)
+        # forward differences: √ε of an eigenvalue is more than a warning needs
         A = slopes_at(motion, 0.0, central=False) if rates is None else rates.slopes()
         if A is None:
             return None
-        # no eigenvalue is larger than the rows' sums; of A in y and h ẏ, times h
+        # no eigenvalue is larger than the rows' sums, of A in y and h ẏ, times h: most starts need no more
         largest = float(np.abs(A * _weights(motion.mechanism.m, self._step)).sum(axis=1).max())
         return Linearisation.of(A).limiting if NEAREST <= largest < np.inf else None
 
@@ -217,13 +219,14 @@ def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array |
     iv = mechanism.iv_independent
     moved, changed = [], []
     for (t0, q0, v0, tau0), (t1, q1, v1, tau1) in pairwise(heard):
-        if t0 == t1:
+        if t0 == t1:  # stages at one time: how τ answers to the state, whatever it does with time
             moved.append(np.concatenate([_apart(mechanism, q0, q1), (v1[iv] - v0[iv]) * step]))
             changed.append(tau1 - tau0)
-    if not np.any(changed):
+    if not np.any(changed):  # a function of time alone
         return np.zeros((mechanism.nv, 2 * mechanism.m))
     S, D = np.array(moved), np.array(changed)
     with np.errstate(all="ignore"):
+        # the second and third stage are h² apart, the fourth and the next first h³: each tells as much
         size = np.linalg.norm(S, axis=1, keepdims=True)
         S, D = S / size, D / size
         if not (np.all(np.isfinite(S)) and np.all(np.isfinite(D))):
@@ -231,7 +234,7 @@ def _answer(mechanism: Mechanism, heard: Sequence[Call], step: float) -> Array |
         law = np.linalg.lstsq(S, D, rcond=SEEN)[0]
         if not np.linalg.norm(S @ law - D) <= FITS * np.linalg.norm(D):
             return None
-    law[mechanism.m :] *= step
+    law[mechanism.m :] *= step  # it was found by h ẏ, commensurate with y
     return np.asarray(law.T)
 
 

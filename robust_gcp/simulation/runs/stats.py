@@ -72,6 +72,6 @@ def until(stretches: Stretches, t: float) -> Stretches:
 
 def extended(stretches: Stretches, begun: float, end: float) -> Stretches:
     """The stretches with one more behind them, of which it may be the continuation."""
-    if stretches and stretches[-1][1] == begun:
+    if stretches and stretches[-1][1] == begun:  # both are numbers of one array
         return [*stretches[:-1], (stretches[-1][0], end)]
     return [*stretches, (begun, end)]

@@ -64,7 +64,7 @@ class SteppedRun(FixedRun):
         """All steps, each under what `HeldTorque.asked` says at its start."""
         ask, start, times = self._torques.now.asked, self._motion.start, self.times.tolist()
         assert ask is not None  # `HeldTorque.of` gave it
-        first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))
+        first = ask(times[0], start.point.q, start.point.G.dot(start.ydot))  # once: it may have a memory
         self._torques.restart(first)
         self._first = None  # was evaluated under no torque
         self.begin()
@@ -94,11 +94,11 @@ class SteppedRun(FixedRun):
         """
         i, bits, lean = self._record.at, torque.tobytes(), self._lean
         self.paused = False
-        turned = bits != self._torques.bits
+        turned = bits != self._torques.bits  # a look anew at the same torque costs a right-hand side
         if lean is not None and n <= self._most:
             plain = lean(i, n, torque if turned else None)
             completed = n if plain else lean.completed
-            if turned and completed >= 0:
+            if turned and completed >= 0:  # −1: it could not be looked at, and Python takes it up
                 self._torques.hold(i, torque, bits)
                 turned = False
             if completed > 0:
@@ -246,7 +246,7 @@ class SteppedRun(FixedRun):
     def _natively(
         self, native: NativeSteps, i: int, last: int, now: Evaluation
     ) -> tuple[int, Evaluation | None]:
-        if self._torques.changes_after(i):  # one by one, each under its own
+        if self._torques.changes_after(i):  # gone back over: one by one, each under its own torque
             return i, now
         return super()._natively(native, i, last, now)
 
@@ -264,7 +264,7 @@ class SteppedRun(FixedRun):
         if not self._record.keeps.all:
             self._slide(self._recovery.safe.i, step)
         if self.at + n >= (room := len(self.times)):
-            count = max(2 * room, self.at + n + 1)
+            count = max(2 * room, self.at + n + 1)  # doubled: all copies together are as long as the run
             self._schedule = Schedule.numbered(self._t0, step, self._gone, count)
             self._record.grow(self._schedule)
 
@@ -282,6 +282,7 @@ class SteppedRun(FixedRun):
             self.settle()
             self._leave()
             parts = {name: value for name, value in vars(self).items() if name not in FIXED}
+        # counts go on over what is taken back, and a user's function stays the one that was given
         shared: list[Any] = [self._counters, parts["_schedule"], *self._events.asked]
         for mechanism in {id(m): m for m in (self._record.mechanism, parts["_motion"].mechanism)}.values():
             shared += unchanging(mechanism)
@@ -291,6 +292,6 @@ class SteppedRun(FixedRun):
         """Go back to where these parts were copied."""
         self._lean = None
         self._leave()
-        for name, value in self.copied(parts).items():
+        for name, value in self.copied(parts).items():  # copied once more: one may come back again
             setattr(self, name, value)
         self._torques.resume()

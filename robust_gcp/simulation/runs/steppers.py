@@ -164,12 +164,12 @@ def solver_steps(
 
     def guarded(t: float, state: Array) -> Array:
         nonlocal started
-        if state.dot(nothing) != 0.0:  # not finite: of a trial that a refusal has spoilt
+        if state.dot(nothing) != 0.0:  # 0 · ∞ is NaN: of a trial that a refusal has spoilt
             return np.full_like(state, np.nan)
         try:
             value = f(t, state.copy())  # LSODA overwrites its state in place
         except SimulationError as error:
-            if started and method != "LSODA":
+            if started and method != "LSODA":  # which takes a step to NaN for one that serves
                 refused.append(error)
                 return np.full_like(state, np.nan)
             if not isinstance(error, RefusedTrialError):
@@ -188,12 +188,13 @@ def solver_steps(
     while i < len(times):
         if rounding is not None:
             noise = rounding()
+            # as far apart as the tolerances of steps with error control are themselves
             solver.rtol, solver.atol = max(rtol, noise), np.maximum(atol, 0.01 * noise)
         with alone:
             message = solver.step() if solver.status == "running" else None
         if solver.t - mark[0] >= HEADWAY * (times[-1] - times[0]) or solver.status == "finished":
             mark = (solver.t, solver.nfev)
-            refused.clear()
+            refused.clear()  # trials that were refused on the way say nothing of where it is stuck later
         elif solver.status == "failed" or len(refused) > PATIENCE or solver.nfev - mark[1] > effort:
             if refused:
                 last = refused[-1]
@@ -207,6 +208,7 @@ def solver_steps(
         begun = solver.t_old
         between, outputs = Between(solver), []
         while i < len(times) and (times[i] <= solver.t or solver.status == "finished"):
+            # dense output costs DOP853 three right-hand sides, and has an order less than the step
             outputs.append(solver.y.copy() if times[i] == solver.t else between(float(times[i])))
             i += 1
         yield SolverStep(float(begun), float(solver.t), solver.y.copy(), outputs, between)
@@ -239,7 +241,7 @@ class _Alone:
                 'stepper="LSODA" within a torque function of a run by LSODA: it keeps one state for both; '
                 'use another stepper for one of them, as "Radau" or "BDF"'
             )
-        _running.lsoda = _running.lsoda or self._lsoda
+        _running.lsoda = _running.lsoda or self._lsoda  # other solvers may run within one by LSODA
 
     def __exit__(self, *failure: object) -> None:
         if self._lsoda:

@@ -56,7 +56,7 @@ def taken_again(run: Callable[..., Trajectory], schedule: Schedule, step: float,
     told = f"no step was named, and steps of {step:g} s do not serve ({fault}); the motion is taken again"
     try:
         found = run(stepper=CONTROLLED)
-    except SimulationError as stop:
+    except SimulationError as stop:  # a solver's long trials leave a zone where coordinates have to change
         finer = step / FINER
         warn(f"{told} in steps of {finer:.4g} s, as {CONTROLLED} stops ({stop})", CoarseStepWarning)
         return run(step=finer, outputs=schedule.outputs)

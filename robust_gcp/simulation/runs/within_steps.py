@@ -38,6 +38,7 @@ class End(NamedTuple):
         q, v = rows.q[k], rows.v[k]
         if rows.work is None or rows.tau is None:
             return cls(q, v, rows.a[k], np.zeros(0), 0.0)
+        # τ of a row holds the springs and dampers of the mechanism too, whose power is told apart
         tau, power = (
             (mechanism.tree.zero, 0.0) if mechanism.applied is None else mechanism.applied.torque_at(q, v)
         )
@@ -79,6 +80,7 @@ class FixedStep:
         (w0, p0), (w1, p1) = (end[3:] for end in self._ends)
         h = self.t1 - self.t0
         s = (t - self.t0) / h
+        # its rate is all that is known besides: O(h⁴), where q by its accelerations has O(h⁶)
         work = w0 + s * (
             h * p0 + s * (3.0 * (w1 - w0) - h * (2.0 * p0 + p1) + s * (h * (p0 + p1) - 2.0 * (w1 - w0)))
         )
