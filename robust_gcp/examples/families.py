@@ -39,7 +39,7 @@ def scissor_lift(
         joint = add_link(model, joint, length if i > 1 else 0.0, name, length, mass)
         frame(joint, 0.5 * length, f"{name}_middle")
         if i > 1:
-            home.append((np.pi - 2.0 * angle) * (-1.0 if i % 2 else 1.0))
+            home.append((np.pi - 2.0 * angle) * (-1.0 if i % 2 else 1.0))  # against the bar below
     foot = model.addJoint(0, pin.JointModelPY(), pin.SE3.Identity(), "foot")
     body = pin.Inertia(0.1 * mass, np.zeros(3), np.zeros((3, 3)))
     model.appendBodyToJoint(foot, body, pin.SE3.Identity())
@@ -97,6 +97,7 @@ def four_bars(
         home.append(q[0])
         coupler = add_link(model, crank, l1, f"coupler{index}", l2)
         home.append(q[1])
+        # before the rocker: Pinocchio's CRBA is wrong for joints that are not added depth first
         for child, parent in enumerate(parents):
             if parent == index:
                 add(child, coupler, 0.5 * l2)
@@ -176,7 +177,7 @@ def planar_linkage(
                 frame = np.column_stack([[1.0, 0.0, 0.0], way, np.cross([1.0, 0.0, 0.0], way)])
                 inertia = rod(size, size / unit)
                 model.appendBodyToJoint(joint, inertia, pin.SE3(frame, a))
-            grow(other)
+            grow(other)  # at once, so that joints are added depth first
 
     grow(root)
     closures = []

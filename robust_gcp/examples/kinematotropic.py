@@ -108,6 +108,7 @@ def _follows(gamma: float, k1: float, k2: float) -> float:
     square = v * v + 4.0 * k1 * u * u  # of k1 u t² − v t − u = 0, t = tan α/2
     if not square >= 0.0:
         raise OptionError(f"wunderlich: no mode 2P4A at γ = {gamma:g} rad for these lengths")
+    # the product of the roots is −1/k₁: the smaller one by the larger, in which nothing cancels
     return float(-2.0 * np.arctan(2.0 * u / (v + np.copysign(np.sqrt(square), v))))
 
 
@@ -116,7 +117,7 @@ def _across(crossed: bool, x: complex, y: complex) -> tuple[complex, complex]:
     if not crossed:
         return x, y
     d = y - x
-    corner = x + d / np.conj(d) * np.conj(y)
+    corner = x + d / np.conj(d) * np.conj(y)  # y mirrored in the direction of the diagonal
     return corner - y, corner - x
 
 

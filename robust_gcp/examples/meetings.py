@@ -63,8 +63,9 @@ def cam(profile: Sequence[float], x: float = 0.0) -> Mechanism:
     model.addFrame(pin.Frame("z_tip", slider, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
     crank = add_link(model, 0, 0.0, "crank", a)
     add_link(model, crank, a, "rod", b)
-    P += [0.0] * (2 - len(P))
+    P += [0.0] * (2 - len(P))  # offset and ratio of a coupling are arguments of their own
     follows = CouplingClosure("z", "x", -P[1], a + b - P[0], tuple(-c for c in P[2:]))
+    # the law of cosines by half the angle: by arccos half of the digits are lost where the rods stretch
     bend = 2.0 * np.arcsin(np.sqrt(depth * (2.0 * (a + b) - depth) / (4.0 * a * b)))
     home = [x, a + b - depth, np.arctan2(-b * np.sin(bend), a + b * np.cos(bend)), bend]
     return Mechanism(model, [PointClosure("rod_tip", "z_tip"), follows], ["x"], home=home)

@@ -129,6 +129,7 @@ def baxter_bar(stiffness: float = 200.0) -> Mechanism:
     pose = {"s0": -0.8, "s1": -0.3, "e0": 0.0, "e1": 0.9, "w0": 0.0, "w1": 0.9, "w2": -0.5 * np.pi}
     for joint, value in pose.items():
         guess[_iq(model, f"left_{joint}")] = value
+        # mirrored arms: joints that pitch turn alike, those about axes in the plane of symmetry oppositely
         guess[_iq(model, f"right_{joint}")] = value if joint[1] == "1" else -value
     arms = [f"{side}_{joint}" for side in ("left", "right") for joint in pose]
     fingers = [f"{hand}_gripper_{finger}_finger_joint" for hand in "lr" for finger in "lr"]

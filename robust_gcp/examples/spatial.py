@@ -57,7 +57,7 @@ def bennett(angle: float = 1.0, twists: tuple[float, float] = (0.5, 1.1), length
     alpha, beta = twists
     lengths = length, length * np.sin(beta) / np.sin(alpha)
     ratio = np.sin(0.5 * (beta + alpha)) / np.sin(0.5 * (beta - alpha))
-    second = 2.0 * np.arctan(ratio / np.tan(0.5 * angle))
+    second = 2.0 * np.arctan(ratio / np.tan(0.5 * angle))  # the half angles' product of tangents is constant
     pose, points, axes = pin.SE3.Identity(), [], []
     angles = angle, second, -angle, -second
     for i in range(4):  # Denavit and Hartenberg, without offsets
@@ -84,6 +84,7 @@ def spherical_four_bar(
     x, y = np.linalg.solve([[1.0, cosine], [cosine, 1.0]], [np.cos(coupler), np.cos(rocker)])
     flat = x * B + y * D
     out = np.cross(B, D)
+    # max: stretched, C lies on the arc from B to D but for rounding
     C = flat + out * np.sqrt(max(0.0, 1.0 - float(flat @ flat))) / np.linalg.norm(out)
     points = radius * np.array([A, B, C, D])
     return hinge_loop(list(points), list(points), name="spherical_four_bar")

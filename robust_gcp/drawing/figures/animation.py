@@ -45,7 +45,7 @@ def animate(run: Trajectory, path: str | Path, fps: float = 25.0, speed: float =
     writer = _writer(place.suffix, fps)
     view, _ = view_of(run.mechanism, None)
     at = poses(run.mechanism, run.at(times).q, view)
-    digits = min(max(2, int(np.ceil(-np.log10(speed / fps)))), 6)
+    digits = min(max(2, int(np.ceil(-np.log10(speed / fps)))), 6)  # frames differ in the last one
     place.parent.mkdir(parents=True, exist_ok=True)
     with style():
         ax: Any = prepared(run.mechanism, at, view, None)
@@ -73,6 +73,7 @@ def frame_times(t: Array, fps: float, speed: float) -> Array:
             f"{frames:.3g} frames, of at most {MOST}, for {t[-1] - t[0]:.4g} s at {fps:.4g} frames a second; "
             f"take speed={1.1 * speed * frames / MOST:.2g} or faster"
         )
+    # minimum: a motion is known nowhere beyond its end, not by a rounding either
     return np.minimum(t[0] + np.arange(int(frames + 1e-6) + 1) * speed / fps, t[-1])
 
 

@@ -54,8 +54,9 @@ class TorusAxis:
             pieces = sum(len(segments(mode, [*others, self])) for mode in space.modes)
             return round(float(away), 6), -pieces
 
+        # −π first: `max` keeps the first of equals
         best = max((-0.25 * np.pi * k for k in (4, 2, 6, 3, 5, 1, 7)), key=merit)
-        merit(best)
+        merit(best)  # takes low and high back from the last one that was tried
         seen = np.concatenate([self.wrapped(mode.q[:, self.iq]) for mode in space.modes])
         if np.ptp(seen) < np.pi:  # a rocker: no need to show where it never is
             self.low = EIGHTH * np.floor((seen.min() - 0.2) / EIGHTH)
@@ -103,7 +104,7 @@ def segments(mode: ModeCurve, axes: Sequence[TorusAxis]) -> list[Array]:
     A break is repeated on both sides, one row outside, so that the line reaches the border.
     """
     columns = np.array([a.wrapped(mode.q[:, a.iq]) for a in axes])
-    sheets = np.round(np.array([mode.q[:, a.iq] for a in axes]) - columns, 6)
+    sheets = np.round(np.array([mode.q[:, a.iq] for a in axes]) - columns, 6)  # whole turns but for rounding
     breaks = np.flatnonzero(np.any(np.diff(sheets, axis=1) != 0.0, axis=0)) + 1
     parts = []
     for rows in np.split(np.arange(len(mode.q)), breaks):

@@ -87,7 +87,7 @@ def _turns(mechanism: Mechanism, mode: ModeCurve) -> str:
 def _spread(mode: ModeCurve, rows: Index, count: int) -> list[int]:
     """Some of the rows, at equal ways; the first is in the middle between singular points."""
     steps = np.linalg.norm(np.diff(mode.q[rows], axis=0), axis=1)
-    steps = np.where(np.diff(rows) == 1, steps, 0.0)
+    steps = np.where(np.diff(rows) == 1, steps, 0.0)  # a piece over a closed mode's end jumps back by turns
     way = np.concatenate([[0.0], np.cumsum(steps)])
     marks = way[np.isin(rows, [v.row for v in mode.visits])]
     if len(rows) < len(mode.q):

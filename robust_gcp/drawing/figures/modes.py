@@ -145,6 +145,7 @@ def _telling_apart(space: ConfigurationSpace) -> list[str] | None:
         curves = [shares(mode.q[:: max(1, len(mode.q) // ROWS)], axes) for mode in space.modes]
         distance.append([max(apart(curves[i], curves[k]), apart(curves[k], curves[i])) for i, k in couples])
     pairs = list(combinations(range(len(others)), 2))
+    # two modes are told apart by whichever joint does it better; what counts is the couple told worst
     worst = [float(np.maximum(distance[i], distance[k]).min()) for i, k in pairs]
     i, k = next(p for p, w in zip(pairs, worst, strict=True) if w >= SEPARATED * max(worst))
     return [first.name, others[i].name, others[k].name]

@@ -53,7 +53,7 @@ def run_data(
     flat = visual is None and _one_plane(normal, positions[:, made.ends()], positions)
     meshes = [] if visual is None else mesh_data(mechanism, made, visual)
     bare = [] if visual is None else bare_bodies(made, visual)
-    every = made.positions(R, p)
+    every = made.positions(R, p)  # once more: meshes have added points, which no size is taken from
     data = {
         "label": label,
         "start": float(trajectory.t[0]),
@@ -86,7 +86,7 @@ def scene_data(mechanism: Mechanism, positions: Sequence[Array], view: Array | N
     if view is not None:
         up = upward(gravity)
         if np.linalg.norm(np.cross(up, view)) < 1e-3 * np.linalg.norm(view):
-            up = np.array(found["up"])
+            up = np.array(found["up"])  # seen from above, up is no direction in the picture
         found = {"view": (view / np.linalg.norm(view)).tolist(), "up": up.tolist()}
     return found
 

@@ -46,6 +46,7 @@ def frame_times(start: float, end: float, speed: float) -> Array:
     OptionError
         Where a page would have to carry more than `MOST_FRAMES` pictures.
     """
+    # 1e-12: a whole number of pictures that rounding made a little more is not one more
     count = math.ceil((end - start) * FPS / speed * (1 - 1e-12)) + 1
     if count > MOST_FRAMES:
         enough = (end - start) * FPS / (MOST_FRAMES - 1)

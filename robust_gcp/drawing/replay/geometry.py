@@ -143,7 +143,7 @@ def layers(made: Sticks, positions: Array) -> list[int]:
     """
     bodies = np.array([body for body, _ in made.points])
     found = [0] * (int(bodies.max(initial=0)) + 1)
-    some = positions[:: max(1, len(positions) // 20)]
+    some = positions[:: max(1, len(positions) // 20)]  # points in one place twenty times are one joint
     gap = PARALLEL * float(np.ptp(some, axis=(0, 1)).max())
     for body in range(1, len(found)):
         own = some[:, bodies == body, None]
@@ -182,7 +182,9 @@ def face_on(normal: Array | None, gravity: Array, positions: Array) -> dict[str,
         return {"view": np.cross(right, up).tolist(), "up": up.tolist(), "flat": True}
     up = upward(gravity)
     level = cloud - np.outer(cloud @ up, up)
+    # up itself, along which nothing is left, must not come out as the thinnest direction
     _, across = np.linalg.eigh(level.T @ level + 1e3 * (level**2).sum() * np.outer(up, up))
+    # the sign of an eigenvector is the machine's; pages are to look from the same side everywhere
     depth = across[:, 0] * np.sign(across[np.argmax(np.abs(across[:, 0])), 0])
     side = np.cross(up, depth)
     azimuth, elevation = np.radians(35.0), np.radians(22.0)

@@ -89,6 +89,7 @@ class Sliders:
         if not isinstance(given, dict) or set(given) != {"name", "value"}:
             return None
         name, value = given["name"], given["value"]
+        # abs: json reads NaN and Infinity, and integers without end
         number = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < 1e6
         return (name, float(value)) if isinstance(name, str) and name in self._inputs and number else None
 
