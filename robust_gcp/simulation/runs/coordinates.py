@@ -139,7 +139,7 @@ class Coordinates:
         replaced, v = dict[int, str](), point.G.dot(point.ydot)
         for part in self._parts:
             choice = _Choice(part, _tangent(part, point.G))
-            if part.cluster.m > 1:  # else σ_min is a number of T
+            if part.cluster.m > 1:  # else σ_min is an entry of T
                 self._counters.svds += 1
             eta = _unevenness(part, point, v) if self._even else 0.0
             poor = choice.share < share

@@ -133,7 +133,7 @@ class Course:
             finally:
                 if native is not None:
                     native.release()
-                if stability is not None:  # where the run failed too: it says why
+                if stability is not None:  # after a run that failed too: this may be why
                     stability.after(motion)
         finished = None if fault is not None else run.trajectory(begun)
         return self._judged(finished, fault, again)

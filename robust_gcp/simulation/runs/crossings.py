@@ -123,7 +123,7 @@ def together(crossings: Sequence[Crossing]) -> list[Crossing]:
         one = found[at]
         found[at] = replace(
             one,
-            # what is known least of them
+            # the least certain of both kinds: a gap or a contact is not made a crossing by its neighbour
             kind=next(
                 (kind for kind in ("near miss", "tangential") if kind in (one.kind, new.kind)), one.kind
             ),

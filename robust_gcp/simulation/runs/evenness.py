@@ -75,7 +75,7 @@ def evenest(
             sizes = np.abs(a[:, None, None] - W[:, None, :] * ratio).max(axis=0)
         sizes[~np.isfinite(sizes)] = np.inf  # W[i, j] = 0: i rests while j moves, and is none in its place
         enough = (1.0 - WORTH) * float(np.abs(a).max(initial=0.0))
-        # each look at conditioning costs an SVD; stable: of equal ones, as of mirrored legs, the first
+        # each look at conditioning costs an SVD; stable: of equal ones the first, on all machines
         order = np.argsort(sizes.ravel(), kind="stable")[:LOOKED_AT]
         ways = ((*divmod(int(k), len(chosen)), float(sizes.flat[k])) for k in order)
         tried = (np.sort(np.append(np.delete(chosen, j), others[i])) for i, j, size in ways if size < enough)

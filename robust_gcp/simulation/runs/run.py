@@ -212,7 +212,7 @@ class Run:
         """Joints that serve better than the independent ones beside bridges; None where these do well."""
         if self._coordinates is None:
             return None
-        # J is large there for a while though y serves, and the bridge has coordinates of its own
+        # a bridge has a parameter of its own: that y turns back on it does no harm
         on_bridge = self._motion.trackers is not None and self._cluster_map().on_bridge
         return None if on_bridge else self._coordinates.better(point)
 
@@ -232,7 +232,7 @@ class Run:
         self._coordinates = self._looked_after()
         self._x = np.concatenate([self._motion.x[: 2 * m], x[2 * m :]])  # the work done goes on
         self._last = None
-        # those of steps that were gone back over come again, or do not
+        # later ones are of steps that were gone back over
         self._repartitions = [(when, what) for when, what in self._repartitions if when < t]
         self._repartitions.append((t, names))
         return Checkpoint(i, self._x, self._motion.start.point)

@@ -165,7 +165,7 @@ class StabilityCheck:
             motion = self._beside(motion.start, self.torque)
         if motion.mechanism.m > MANY:
             return limiting_eigenvalue(motion, self._step, rate=rates)
-        # forward differences: √ε of an eigenvalue is more than a warning needs
+        # not central: an error of √ε decides nothing here, and half of the right-hand sides are saved
         A = slopes_at(motion, 0.0, central=False) if rates is None else rates.slopes()
         if A is None:
             return None

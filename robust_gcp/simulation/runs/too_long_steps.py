@@ -94,7 +94,7 @@ class Coarse:
         work = [0.0] * len(rows) if done is None else done[rows].tolist()
         total = [k + u - w for k, u, w in zip(moving, resting, work, strict=True)]
         leak = max(max(total) - total[0], total[0] - min(total))
-        # what gravity has where one chose its zero is no measure: what comes and goes of it is
+        # the zero of potential energy is arbitrary: its range counts, not its size
         at_work = max(*moving, max(resting) - min(resting))
         if not leak > max(LEAK * at_work, ROUNDING * max(map(abs, resting))):
             return None
