@@ -42,7 +42,7 @@ def differences(
         if central:
             behind[i] -= size * CENTRAL
         low = f(behind) if base is None or central else base
-        columns.append((f(ahead) - low) / (ahead[i] - behind[i]))
+        columns.append((f(ahead) - low) / (ahead[i] - behind[i]))  # the step that x could be moved by
     return np.array(columns).T
 
 

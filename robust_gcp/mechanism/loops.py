@@ -150,7 +150,7 @@ class ClosedLoops:
         largest = np.zeros(self.nv)
         for K in self.generic_jacobians():
             largest = np.maximum(largest, np.linalg.norm(K / self.row_scale[:, None], axis=0))
-        largest *= self.units
+        largest *= self.units  # columns by radians and lengths, or their sizes do not compare
         acts = largest > STRUCTURAL * largest.max(initial=0.0)
         return self.units / np.where(acts, largest, 1.0)
 
@@ -227,7 +227,7 @@ class ClosedLoops:
             dv[free] = -step * self.column_scale[free]
             trial = self.tree.integrate(best, dv)
             trial_size = self.closure_residual(trial)
-            if not trial_size < 0.5 * size:
+            if not trial_size < 0.5 * size:  # beside rounding Newton's steps gain nothing; also for NaN
                 break
             best, size = trial, trial_size
         return best
@@ -270,7 +270,7 @@ class ClosedLoops:
 
         Up to two radians, or two characteristic lengths, from the neutral one.
         """
-        rng = np.random.default_rng(20)
+        rng = np.random.default_rng(20)  # the same for everyone: scales, ranks and choices rest on them
         neutral = pin.neutral(self.own_model)
         steps = [rng.uniform(-2.0, 2.0, self.nv) * self.units for _ in range(count)]
         return [self.tree.integrate(neutral, step) for step in steps]

@@ -23,7 +23,7 @@ class Memo:
         """The result for this key; `make` is called where there is none yet."""
         if key not in self._known:
             with self._lock:
-                if key not in self._known:
+                if key not in self._known:  # another thread may have made it meanwhile
                     self._known[key] = make()
         found: T = self._known[key]
         return found

@@ -136,3 +136,18 @@ def test_rate_of_the_jacobian(mechanisms: dict[str, rg.Mechanism], derivative: C
         np.testing.assert_allclose(
             rate @ v, -mechanism.k(q, v), atol=1e-12 * (1.0 + np.abs(rate).max(initial=0))
         )
+
+
+def test_the_chosen_components_are_found_where_a_cluster_is_not_in_the_order_of_the_tree():
+    model = pin.Model()
+    parents = {"a": 0, "b": 1, "c": 2, "d": 1}
+    for name, parent in parents.items():
+        at = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+        joint = model.addJoint(parent, pin.JointModelRZ(), at, name)
+        model.appendBodyToJoint(joint, linkages.rod(1.0), pin.SE3.Identity())
+    ties = [rg.CouplingClosure("a", "d", 0.3), rg.CouplingClosure("c", "d", -2.0)]
+    for independent in (["b", "a"], ["b", "c"], ["b", "d"]):
+        mechanism = rg.Mechanism.from_pinocchio(model, ties, independent)
+        (cluster,) = mechanism.clusters
+        assert cluster.joints == ("a", "d", "c")  # b, which carries c, is in no loop
+        assert cluster.iv[cluster.chosen] == mechanism.iv_independent[cluster.inputs]

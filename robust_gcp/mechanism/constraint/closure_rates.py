@@ -108,9 +108,11 @@ class ClosureRates:
         """The rows of couplings, q₁ − P(q₂) − Σ cᵢ qᵢ."""
         tied, two = self._couplings, self._couplings.iv[:, 1]
         _, bend, third = tied.slopes(q)
+        # K has one entry that moves, −P′(q₂): φ̈ depends on q₂ by −P″ q̈₂ − P‴ q̇₂²
         x_q, d_q = tied.jacobian(q, len(v)), tied.jacobian_rate(q, v)
         dd_q = np.zeros(x_q.shape, np.result_type(q, v, a))
         dd_q[np.arange(len(two)), two] = -third * v[two] ** 2 - bend * a[two]
+        # φ̈ = K a + K̇ v is quadratic in v, hence 2 K̇; in the precision of q, which may be extended
         return Products(tied.residual(q), x_q @ v, x_q @ a + d_q @ v, x_q, d_q, dd_q, 2.0 * d_q)
 
 

@@ -106,7 +106,7 @@ class FrameClosure(Closure):
 
     def is_proper(self, turn: NDArray[Any]) -> bool:
         """Whether the angle is below a right angle: sin θ vanishes at π too."""
-        return float(np.trace(turn)) > 1.0
+        return float(np.trace(turn)) > 1.0  # 1 + 2 cos θ
 
 
 WELDED: list[Term] = [
@@ -151,7 +151,7 @@ class AxisClosure(Closure):
             name = type(self).__name__
             raise ModelError(f"{name}: axis {self.axis!r} is not a direction in space, (x, y, z)")
         axis = axis / norm
-        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        first = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])  # at least √⅔ long
         first /= np.linalg.norm(first)
         second = np.cross(axis, first)
         return tuple(axis.tolist()), tuple(first.tolist()), tuple(second.tolist())
@@ -226,6 +226,7 @@ class UniversalClosure(AxisClosure):
 
     def rotation_terms(self) -> list[Term]:
         """The axis in frame 1 is normal to that of frame 2."""
+        # Every zero is proper: a cross whose axis points the other way is the same cross.
         return [(0, 1.0, self.across()[0], AxisClosure("", "", self.axis2).across()[0])]
 
 
@@ -236,7 +237,7 @@ def closure_kinds() -> list[type[Closure]]:
         kind = more.pop(0)
         found.append(kind)
         more += kind.__subclasses__()
-    return [kind for kind in found if kind.kind]
+    return [kind for kind in found if kind.kind]  # bases such as `AxisClosure` have no name
 
 
 def closure_frames(model: pin.Model, closures: Sequence[Closure]) -> list[tuple[int, pin.SE3]]:

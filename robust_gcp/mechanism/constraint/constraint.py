@@ -58,6 +58,7 @@ class ImplicitConstraint:
         loops = [c for c in closures if not isinstance(c, CouplingClosure)]
         full = rows_of(loops)
         labels = [f"{loops[row.closure].frame1} – {loops[row.closure].frame2}" for row in full]
+        # couplings come last, as in `ClosedLoops.closures`
         labels += [coupling.label for coupling in couplings]
         firsts = [joint_named(tree.joints, coupling.joint1).components[0] for coupling in couplings]
         lengths = [row.axis != ROTATION for row in full] + [first.unit == "m" for first in firsts]
@@ -70,13 +71,14 @@ class ImplicitConstraint:
 
         self._looped = np.flatnonzero(self.rows < len(full))
         own = [full[row] for row in self.rows[self._looped]]
+        # the tree's model ends with these frames: all firsts, then all seconds
         self._loops, self._of_loops = len(loops), LoopRows(own, len(loops))
         self._read_motion(
             [tree.model.frames[i] for i in range(tree.model.nframes - 2 * len(loops), tree.model.nframes)]
         )
         closure = np.array([row.closure for row in own], dtype=np.int64)
         sides = self._carried.reshape(2, len(loops), tree.nv)[:, closure]
-        self._carries = sides * np.array([1.0, -1.0])[:, None, None]
+        self._carries = sides * np.array([1.0, -1.0])[:, None, None]  # φ is of p₁ − p₂
         self._coupled = np.flatnonzero(self.rows >= len(full))
         which = self.rows[self._coupled] - len(full)
         self._coupling = Couplings(tree.joints, [couplings[int(i)] for i in which]) if len(which) else None
@@ -140,7 +142,7 @@ class ImplicitConstraint:
         omega, speed = apply(self._turn, v[:, 3:]), apply(self._to_frame, v)
         # a + ω × v of the cut points; these in frame axes, what rows are asked for in the world's
         pull = apply(tree.frame_R, apply(self._to_frame, a) + cross(omega, speed))
-        rates = None
+        rates = None  # of n fixed in the world, φ̈ is the difference of the points' accelerations
         if rows.turning:
             alpha = apply(self._turn, a[:, 3:])
             rates = apply(tree.frame_R, speed), apply(tree.frame_R, omega), apply(tree.frame_R, alpha)
@@ -170,7 +172,7 @@ def without_zero_rows(
     constant = np.zeros(len(full.rows))
     for q in configurations:
         tree.jacobians(q)
-        constant = full.residual() / scale
+        constant = full.residual() / scale  # the last serves: what no joint moves is the same at all
         moved = np.maximum(moved, np.max(np.abs(full.jacobian()), axis=1, initial=0.0) / scale)
     used = moved > STRUCTURAL
     open_rows = np.flatnonzero(~used & (np.abs(constant) > rounded))

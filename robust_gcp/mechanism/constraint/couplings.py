@@ -103,6 +103,7 @@ class CouplingClosure:
         for c in coefficients:
             expanded = polynomial.polyadd(expanded, float(c) * power)
             power = polynomial.polymul(power, (-origin2, 1.0))
+        # ratio and offset are always told
         expanded = np.append(expanded, np.zeros(max(0, 2 - len(expanded))))
         while len(expanded) > 2 and expanded[-1] == 0.0:
             expanded = expanded[:-1]
@@ -169,6 +170,7 @@ class Couplings:
         self.further: list[tuple[int, int, int, float]] = []
         for i, coupling in enumerate(couplings):
             label = f"CouplingClosure {coupling.label}"
+            # a joint that is held has itself as its second, at coefficients of zero
             for side, name in enumerate((coupling.joint1, coupling.joint2 or coupling.joint1)):
                 joint = single_joint(joints, name, label, "choose another")
                 self.iq[i, side], self.iv[i, side] = joint.idx_q, joint.idx_v

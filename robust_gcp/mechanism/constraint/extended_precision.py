@@ -55,7 +55,7 @@ class ExtendedClosures:
         ends = [_after(whole[part], end) for part, end in zip(self._rates.part, self._ends, strict=True)]
         R = np.array([turn for turn, _ in ends], dtype=WIDE).reshape(-1, 3, 3)
         p = np.array([shift for _, shift in ends], dtype=WIDE).reshape(-1, 3)
-        still = np.zeros(self._rates.loops.nv)
+        still = np.zeros(self._rates.loops.nv)  # φ alone is asked for, so no joint need move
         nowhere = np.zeros((len(still), 6))
         return self._rates.products_at(Placement(nowhere, p, R, q), still, still).x
 
@@ -66,9 +66,9 @@ def _joint_motion(joint: Joint, q: Array, pitch: float) -> tuple[Array, Array]:
     kind = joint.kind
     if joint.axis is not None:
         along = joint.axis.astype(WIDE)
-        along = along / np.sqrt(along @ along)
+        along = along / np.sqrt(along @ along)  # a unit vector in doubles is one to ε only
         if kind is JointKind.CONTINUOUS:
-            turn = _turn(along, *q / np.hypot(*q))
+            turn = _turn(along, *q / np.hypot(*q))  # as above: (cos, sin) in q are doubles
         elif kind is not JointKind.PRISMATIC:
             turn = _turn(along, np.cos(q[0]), np.sin(q[0]))
         shift = along * q[0] if kind is JointKind.PRISMATIC else along * (pitch * q[0])
@@ -103,7 +103,7 @@ def _pitch(joint: pin.JointModel, model: pin.Model) -> float:
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
     linear, angular = np.split(np.asarray(data.S, dtype=float).ravel(), 2)
-    return float(linear @ angular)
+    return float(linear @ angular)  # S = (pitch · axis, axis)
 
 
 def _wide(place: pin.SE3) -> tuple[Array, Array]:

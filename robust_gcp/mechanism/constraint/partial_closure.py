@@ -45,6 +45,7 @@ class PartialClosure(AxisClosure):
     def position_rows(self) -> Sequence[int | Direction]:
         """The origins do not come apart along these directions of frame 2."""
         whole = self.all_rows()
+        # Rows along the world's axes turn against the loop, and which of them others imply turns too.
         rows = AXES if whole.holds else whole.position_rows()
         return [rows[i] for i in self.along]
 

@@ -42,6 +42,7 @@ def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
 def rank_along(loops: ClosedLoops, q: Array, kernel: Array) -> int:
     """Largest rank of K a little way along the columns of `kernel` (nv, δ), back on the constraint."""
     found = [beside(loops, q, direction) for direction in kernel.T]
+    # Rank is least at singular places, so the largest met nearby is that of the mode.
     return max(
         (numerical_rank(singular_values(loops, near), RANK_NEARBY) for near in found if near is not None),
         default=0,
@@ -63,6 +64,7 @@ def singular_words(loops: ClosedLoops, q: Array) -> str:
         if near is None:
             return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
         moved = loops.tree.difference(q, near) / loops.column_scale
+        # Closing the loops takes most of a step back that is a motion of K alone.
         if moved @ direction < 0.5 * NEARBY * float(direction @ direction) / np.abs(direction).max():
             return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
         there = numerical_rank(singular_values(loops, near), RANK_NEARBY)

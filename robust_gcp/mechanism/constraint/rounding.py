@@ -76,6 +76,7 @@ def _without(
     # in a plane that is oblique to the world no row vanishes by itself, but one depends on others
     grey = grey or (home is None and all(loops.nc > numerical_rank(s, CLOSED) for s in values))
     for group in loop_groups(loops.own_model, loops.closures) if grey else ():
+        # a coupling's one row is meant
         inside = [i for i in group.closures if isinstance(closures[i], Closure)]
         members = [closures[i] for i in inside]
         # whoever names rows of a closure means these: nothing more is left out of it
@@ -141,6 +142,7 @@ def _selected(
     part = ClosedLoops(loops.own_model, whole, np.inf)
     size = _levers(part, whole, places)
     K = np.hstack([(part.K(q) / size[:, None] * loops.units)[:, velocities] for q in places])
+    # All places side by side: a row is superfluous where the same combination vanishes at each of them.
     U, s, _ = np.linalg.svd(K, full_matrices=False)
     strict, loose = numerical_rank(s, exact), numerical_rank(s, ROUNDED)
     rounding = max(part.implicit.vanishing.values(), default=0.0)
@@ -151,7 +153,7 @@ def _selected(
         return None
     if max(np.abs(U[:, loose:].T @ (part.phi(q) / size)).max(initial=0.0) for q in places) > LARGEST_GAP:
         return None
-    pivots = scipy.linalg.qr(K.T, mode="economic", pivoting=True)[2][:loose]
+    pivots = scipy.linalg.qr(K.T, mode="economic", pivoting=True)[2][:loose]  # the best conditioned ones
     layout = rows_of(whole)
     kept = {int(part.implicit.rows[p]) for p in pivots}
     first = np.cumsum([0, *(len(rows_of([c])) for c in whole)])
@@ -186,6 +188,7 @@ def _persists(
     """Whether all rows stay nearly closed where the loops move without those that are left out."""
     freed = _closed_by(loops, closures)
     T = motions(freed, home)
+    # a motion of other loops says nothing of these rows
     ways = [way for way in T.T if np.abs(way[list(velocities)]).max(initial=0.0) > 1e-6]
     every = np.arange(loops.nv)
     # A row that others imply at home alone, as at a singular place, opens where the loops move on.

@@ -91,7 +91,7 @@ class LoopRows:
 
     def residual(self, p: Array, R: Array) -> Array:
         """φ; the frames' places p (npoints, 3), m, and orientations R (npoints, 3, 3)."""
-        if not self.turning:
+        if not self.turning:  # then a row is one entry of p₁ − p₂, and no sum rounds
             return self._apart(p).take(self._entry)
         return self._sums(self._a(p, R) * self._normals(R)).sum(axis=1)
 
@@ -110,7 +110,7 @@ class LoopRows:
         if not self.turning:
             return self._wrenches(np.zeros_like(n), cross(moved, n))
         turned = self._turns * cross(omega[self._second], n)
-        own = np.where(self._point, moved[0], cross(omega[self._first], arms[0]))
+        own = np.where(self._point, moved[0], cross(omega[self._first], arms[0]))  # p₁ moves, u turns
         moved = np.where(self._turns, own, moved)
         return self._wrenches(turned, cross(moved, n) + cross(arms, turned))
 
@@ -151,6 +151,7 @@ class LoopRows:
     def _wrenches(self, n: Array, moments: Array) -> Array:
         """Those of the rows, from forces n of the terms that are positions and all moments, (2, terms, 3)."""
         terms = np.empty((2, len(n), 6))
+        # a row of directions is a pure moment
         terms[:, :, :3], terms[:, :, 3:] = self._point * n if self.turning else n, moments
         return self._sums(terms)
 
@@ -158,6 +159,7 @@ class LoopRows:
         """Σ w over the terms of each row, (…, rows, k) from (…, terms, k)."""
         if not self.turning:
             return terms
+        # `reduceat` needs a term in each row, which `rows_of` makes sure of
         found: Array = np.add.reduceat(self._weight * terms, self._starts, axis=-2)
         return found
 

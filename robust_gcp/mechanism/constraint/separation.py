@@ -70,11 +70,13 @@ class Separation:
             R1, R2 = tree.frame_R[i], tree.frame_R[n + i]
             if closure.rotation_terms() == WELDED:
                 turn = R1.T @ R2
+                # zero at no rotation alone; rows of φ are zero at half a turn too
                 rows.append(pin.log3(turn))
                 slopes.append(pin.Jlog3(turn) @ R2.T @ (self._turning(n + i) - self._turning(i)))
             elif isinstance(closure, RevoluteClosure):
                 axis = np.array(closure.across()[0])
                 a1, a2 = R1 @ axis, R2 @ axis
+                # longest, 2, where they point against each other, where rows of φ are zero
                 rows.append(a1 - a2)
                 slopes.append(-pin.skew(a1) @ self._turning(i) + pin.skew(a2) @ self._turning(n + i))
         return np.concatenate(rows), np.vstack(slopes)

@@ -74,7 +74,8 @@ def loop_clusters(
         names = tuple(str(model.names[j]) for j in group.joints)
         closures = tuple(loops.closures[i] for i in group.closures)
         own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
-        chosen = np.searchsorted(iv, iv_independent[inputs])
+        order = np.argsort(iv)  # couplings may tie a branch beyond a joint of no loop, see `loop_groups`
+        chosen = order[np.searchsorted(iv, iv_independent[inputs], sorter=order)]
         part = loops.of_loops.once(("loops of", names), partial(_by_itself, loops, closures, group))
         clusters.append(LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part))
     return tuple(clusters)

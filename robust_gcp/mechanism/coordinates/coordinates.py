@@ -170,6 +170,7 @@ class Coordinates(ClosedLoops):
         K = self.K(q)
         G[self.iv_dependent] = self._dependent(q, -K[:, self.iv_independent])
         u = (G.T / self.column_scale).T
+        # least squares hides rows that contradict each other, as at a pose where K has gained rank
         if np.abs(self.scaled(K) @ u).max(initial=0.0) > COMPATIBLE * np.abs(u).max(initial=1.0):
             raise StateError(
                 f"the loops do not let {', '.join(self.independent)} move one by one at q: K has more "

@@ -57,6 +57,7 @@ class Groups(JointCharts):
                 mechanism.name,
             ),
         )
+        # kept with the loops, whatever the coordinates, so it may have been made for others
         self.rest = rest if rest.independent == tuple(chosen) else rest.with_independent(chosen)
 
     @property

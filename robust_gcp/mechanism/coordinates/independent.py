@@ -98,7 +98,7 @@ def completed(
     weight[free_velocities(loops)] = 1.0
     rest = np.setdiff1d(np.arange(loops.nv), rows)
     Q = np.linalg.qr(T[rows].T)[0]
-    left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]
+    left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]  # motions that the kept ones leave
     added = sorted(rest[spanning(left, T.shape[1] - len(rows))].tolist())
     names = [*kept, *(numbers[i].name for i in added)]
     quality = float(np.linalg.svd(T[[*rows, *added]], compute_uv=False).min(initial=1.0))
@@ -141,6 +141,7 @@ def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: S
     wanted = [one for one in given if one in names or one.rpartition(".")[0] in names]
     rng, here = np.random.default_rng(1), motions(loops, home)
     at_home = _quality(loops, home, wanted)
+    # ∞ beside the rank: a well conditioned home is left for a larger rank alone
     found, best = home, at_home if at_home[-1] < nearly else (at_home[0], np.inf)
     for _ in range(BESIDE):
         way = here @ (here.T @ rng.normal(0.0, 1.0, loops.nv))  # the same in any basis
@@ -178,6 +179,7 @@ def require_determined(loops: Coordinates) -> None:
     PartitionError
     """
     iv_dependent, nd = loops.iv_dependent, len(loops.iv_dependent)
+    # Open loops do: K_d is analytic in q, so that what is regular somewhere is so almost everywhere.
     seen = loops.generic_configurations()
     if loops.closure_residual(loops.home) <= CLOSED:
         seen.append(loops.home)
@@ -185,7 +187,7 @@ def require_determined(loops: Coordinates) -> None:
     if is_determined(jacobians):
         return
     ranks = [numerical_rank(np.linalg.svd(K, compute_uv=False), STRUCTURAL) for K in jacobians]
-    rank = min(max(ranks, default=0), max(nd - 1, 0))
+    rank = min(max(ranks, default=0), max(nd - 1, 0))  # at least one direction is to be named
     _, _, Vt = np.linalg.svd(jacobians[0])
     moving = np.zeros(loops.nv)
     moving[iv_dependent] = np.max(np.abs(Vt[rank:]), axis=0)

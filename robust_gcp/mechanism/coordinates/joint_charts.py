@@ -67,7 +67,7 @@ class JointCharts:
 
         Source: Iserles, Munthe-Kaas, Nørsett, Zanna, Lie-group methods, Acta Numerica 9, 2000, section 3.
         """
-        if not np.any(w):
+        if not np.any(w):  # dexp(0) = I; also where each step begins
             return v
         try:
             return np.asarray(np.linalg.solve(self.turn(origin, w), v))
@@ -92,7 +92,7 @@ class JointCharts:
         term, term_w, term_u = u, np.zeros((n, n)), np.eye(n)
         bound = 1.0
         for coefficient in _inverse_exponential():
-            bound *= size / (2.0 * np.pi)
+            bound *= size / (2.0 * np.pi)  # |Bₖ|/k! falls like (2π)⁻ᵏ: the series ends at a whole turn
             term_w = ad @ term_w - np.einsum("ijk,j->ik", self._brackets, term)
             term, term_u = ad @ term, ad @ term_u
             by_w += coefficient * term_w
@@ -138,7 +138,7 @@ class LoopCharts(JointCharts):
 @cache
 def _inverse_exponential() -> tuple[float, ...]:
     """(−1)ᵏ Bₖ/k! for k = 1, 2, …, of the inverse of the exponential map's derivative."""
-    found = [Fraction(1)]
+    found = [Fraction(1)]  # exact, so that odd ones but the first are zero
     for k in range(1, 60):
         found.append(-sum((c / factorial(k + 1 - j) for j, c in enumerate(found)), Fraction(0)))
     return tuple(float((-1) ** k * c) for k, c in enumerate(found))[1:]

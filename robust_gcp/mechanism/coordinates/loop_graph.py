@@ -56,6 +56,7 @@ def loop_groups(model: pin.Model, closures: Sequence[AnyClosure]) -> list[LoopGr
     groups = []
     for joints, members in found:
         roots = {int(model.parents[j]) for j in joints} - joints
+        # depth first in the part's own tree, where what hangs beyond a joint of no loop hangs on the ground
         ordered = sorted(joints, key=lambda j: _chain(model, joints, j))
         groups.append(LoopGroup(tuple(ordered), tuple(sorted(members)), tuple(sorted(roots))))
     return sorted(groups, key=lambda group: group.joints)
@@ -102,7 +103,7 @@ def _path(model: pin.Model, closure: AnyClosure) -> set[int]:
         return {int(model.getJointId(name)) for name in closure.joints}
     ends = (closure.frame1, closure.frame2)
     first, second = (set(model.supports[frame_of(model, name, "closure").parentJoint]) for name in ends)
-    return {int(joint) for joint in first ^ second}
+    return {int(joint) for joint in first ^ second}  # the ground, in both, drops out
 
 
 def part_of(
@@ -125,7 +126,7 @@ def part_of(
         """By which joint of the part a joint's body is carried, and where on it."""
         if j not in carried:
             parent, on = at(model.parents[j])
-            carried[j] = parent, on * model.jointPlacements[j]
+            carried[j] = parent, on * model.jointPlacements[j]  # in neutral every joint's own motion is none
         return carried[j]
 
     for j in joints:

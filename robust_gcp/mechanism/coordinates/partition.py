@@ -69,7 +69,7 @@ def triangular_blocks(pattern: NDArray[np.bool_]) -> list[Block] | None:
     order: TopologicalSorter[int] = TopologicalSorter({b: set() for b in range(count)})
     for i, j in zip(*np.nonzero(matched), strict=True):
         if label[i] != label[j]:
-            order.add(int(label[i]), int(label[j]))
+            order.add(int(label[i]), int(label[j]))  # row i needs the column j of another block solved before
     blocks = []
     for b in order.static_order():
         columns = np.flatnonzero(label == b)
@@ -142,6 +142,7 @@ def ranked_choices(
     for chosen in sets:
         quality = float(np.linalg.svd(kernel[candidates[list(chosen)]], compute_uv=False)[-1])
         if quality > DETERMINES:
+            # rounded, so that of equal sets the first is taken and not the one that LAPACK's last bits favour
             scored.append((round(quality, 12), tuple(names[i] for i in chosen)))
     scored.sort(key=lambda item: -item[0])
     return scored[:limit]
