@@ -82,7 +82,7 @@ class ClosedLoops:
         self.near = seen_from(self.own_model, self.standpoint)
         points, n = closure_frames(self.near, self.loops), len(self.loops)
         self.tree = Tree(self.near, points)
-        self.tree.joined = [points[i::n] for i, closure in enumerate(self.loops) if closure.holds]
+        self.tree.joined = [points[i::n] for i, closure in enumerate(self.loops) if closure.joins]
         self.nq, self.nv = self.tree.nq, self.tree.nv
         self.joint_names = tuple(joint.name for joint in self.joints)
         self.implicit = without_zero_rows(

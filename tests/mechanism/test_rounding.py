@@ -199,3 +199,32 @@ def test_a_small_loop_beside_a_large_one_is_not_taken_for_rounding() -> None:
     closures = [rg.PointClosure("b_tip", "c_tip"), rg.PointClosure("y_tip", "z_tip")]
     mech = rg.Mechanism.from_pinocchio(model, closures, ["a", "x"])
     assert (mech.nc, mech.left_out) == (4, ())
+
+
+def test_a_spring_acts_along_a_slide_whose_rows_are_left_out() -> None:
+    """A cylinder out of its plane by a file's rounding is a slide still: its frames do not stay together."""
+    model = pin.Model()
+    model.gravity.linear = np.array([0.0, -9.81, 0.0])
+    for name, parent, place, tilt in (
+        ("crank", 0, 0.0, 0.0),
+        ("rod", 1, 0.3, 0.0),
+        ("cylinder", 0, 1.0, 1e-6),
+    ):
+        at = pin.SE3(pin.exp3(np.array([tilt, 0.0, 0.0])), np.array([place, 0.0, 0.0]))
+        joint = model.addJoint(parent, pin.JointModelRZ(), at, name)
+        body = pin.Inertia(1.0, np.array([0.25, 0.0, 0.0]), 0.1 * np.eye(3))
+        model.appendBodyToJoint(joint, body, pin.SE3.Identity())
+        model.addFrame(pin.Frame(f"{name}_end", joint, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+
+    def made(closure: rg.Closure) -> rg.Mechanism:
+        spring = rg.PointSpring("rod_end", "cylinder_end", 10.0, 0.5, 1.0)
+        return rg.Mechanism.from_pinocchio(model, [closure], home=np.array([0.5, 2.9, 2.4]), forces=[spring])
+
+    with pytest.warns(rg.ModelWarning, match=r"3 of 5 rows"):
+        mech = made(rg.PrismaticClosure("rod_end", "cylinder_end", (1.0, 0.0, 0.0)))
+    assert [closure.joins for closure in mech.closures] == [False]
+    run = rg.simulate(mech, duration=0.2)
+    assert run.energy_error().max() < 1e-6
+    with pytest.raises(rg.ModelError, match="no length and no direction"), warnings.catch_warnings():
+        warnings.simplefilter("ignore", rg.ModelWarning)
+        made(rg.FrameClosure("rod_end", "cylinder_end"))

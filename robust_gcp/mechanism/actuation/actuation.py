@@ -63,10 +63,11 @@ class Actuation:
             length, moment = path.length_at(q)
             moments.append(actuator.gear * moment)
             forces[i] = actuator.force(float(u[i]), actuator.gear * length, float(moments[i] @ v))
+        # The sum along a path, then each actuator, then each joint: where several bind the order counts.
         for group, most in self.sharing:
             total = float(forces[group].sum())
             if total != clipped(total, most):
-                forces[group] *= clipped(total, most) / total
+                forces[group] *= clipped(total, most) / total  # alike: their shares stay
         for i, actuator in enumerate(self.actuators):
             forces[i] = clipped(float(forces[i]), actuator.force_range)
             tau += forces[i] * moments[i]

@@ -157,6 +157,7 @@ class Actuator:
         if self.dynamics == "filter":
             return (u - w) / max(TINY, self.time[0])
         rise, fall, width = self.time
+        # activation slows down, and deactivation speeds up, with w (Millard et al., 2013)
         u, share = min(max(u, 0.0), 1.0), 0.5 + 1.5 * min(max(w, 0.0), 1.0)
         up, down, ahead = rise * share, fall / share, u - w
         if width < TINY:
@@ -171,6 +172,7 @@ class Actuator:
             return clipped(w + dt * clipped(ctrl, self.ctrl_range), self.activation_range)
         if self.dynamics == "filter":
             u = clipped(ctrl, self.ctrl_range)
+            # exact, so no dt is too long for a quick filter
             return clipped(u + (w - u) * math.exp(-dt / max(TINY, self.time[0])), self.activation_range)
         quick = max(0.5 * min(self.time[0], self.time[1] / 4.0), TINY)
         n = max(4, math.ceil(dt / (QUICK * quick))) if dt else 0

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ...checks import check_finite, checked_vector
 from ...errors import ModelError
 
-TINY = 1e-15
+TINY = 1e-15  # MuJoCo's own guard of divisions
 
 Range = tuple[float, float]
 

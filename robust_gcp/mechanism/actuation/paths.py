@@ -174,6 +174,7 @@ class _Turning(BoundPath):
     def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
         R = pin.Quaternion(q[self._q]).toRotationMatrix()
+        # velocities of the joint are in its body's axes
         turn = R.T @ self._gear[-3:] if self._in_parent else self._gear[-3:]
         moment, length = np.zeros(self._nv), 0.0
         if len(self._gear) == 6:

@@ -120,5 +120,5 @@ class _Cranked(PathOnBodies):
             length, by_d, by_axis = along - root, share * axis + d / root, share * d
         return length, [
             (self._path.crank, i, at_crank, by_d, np.zeros(3)),
-            (self._path.slider, j, at_slider, -by_d, cross(axis, by_axis)),
+            (self._path.slider, j, at_slider, -by_d, cross(axis, by_axis)),  # the axis turns by ω × axis
         ]

@@ -170,6 +170,7 @@ class Line(PathOnBodies):
             if wrap is None or touched is None:
                 pieces.append((share, a, start, b, end, (names[0], names[2])))
                 continue
+            # no pull of its own: the length of a shortest line changes by its ends alone
             arcs += share * touched.length
             pieces.append((share, a, start, wrap.joint, touched.first, names[:2]))
             pieces.append((share, wrap.joint, touched.last, b, end, names[1:]))
@@ -189,7 +190,7 @@ class Line(PathOnBodies):
         for share, a, start, b, end, names in pieces:
             size = float(np.linalg.norm(end - start))
             length += share * size
-            if size > 0.0 and a != b:
+            if size > 0.0 and a != b:  # within one body a pull does no work
                 pull = share * (end - start) / size
                 loads += [(names[0], a, start, -pull, none), (names[1], b, end, pull, none)]
         return length, loads

@@ -44,7 +44,7 @@ def wrapped(
     side : ndarray (3,) or None
     """
     a, b = R.T @ (start - centre), R.T @ (end - centre)
-    if min(float(a @ a), float(b @ b)) < TINY**2:
+    if min(float(a @ a), float(b @ b)) < TINY**2:  # an end in the centre has no direction
         return None
     plane = np.eye(2, 3) if cylinder else _plane(a, b)
     flat_a, flat_b = plane @ a, plane @ b
@@ -62,6 +62,7 @@ def wrapped(
     one, two = first @ plane, last @ plane
     if cylinder:
         before, after = math.dist(flat_a, first), math.dist(flat_b, last)
+        # unrolled, the line is straight: it climbs alike on tangents and arc
         climb = (b[2] - a[2]) / (before + arc + after)
         one[2], two[2] = a[2] + climb * before, a[2] + climb * (before + arc)
         arc = math.hypot(arc, two[2] - one[2])
@@ -82,7 +83,7 @@ def _round(a: Array, b: Array, radius: float, side: Array | None) -> tuple[Array
     """Tangent points and arc on a circle about the origin; None where the line goes straight."""
     aa, bb, square, d = float(a @ a), float(b @ b), radius**2, b - a
     dd = float(d @ d)
-    if min(aa, bb) < square or radius < TINY or dd < TINY:
+    if min(aa, bb) < square or radius < TINY or dd < TINY:  # from inside there is no tangent
         return None
     around = side is not None and _is_between(side, -a, -b)
     nearest = a + min(max(-float(d @ a) / dd, 0.0), 1.0) * d
@@ -94,7 +95,7 @@ def _round(a: Array, b: Array, radius: float, side: Array | None) -> tuple[Array
     two = (b * square - way * radius * math.sqrt(bb - square) * np.array([b[1], -b[0]])) / bb
     angle = math.acos(min(max(float(one @ two) / square, -1.0), 1.0))
     turn = float(one[1] * two[0] - one[0] * two[1])
-    if turn * way < 0.0:
+    if turn * way < 0.0:  # an arc over half a turn, which acos does not tell
         angle = 2.0 * math.pi - angle
     return one, two, radius * angle
 
@@ -121,11 +122,11 @@ def _through(a: Array, b: Array, radius: float) -> tuple[Array, Array, float] | 
         if 0.0 < share < 1.0 and math.hypot(*(a + share * d)) <= radius:
             return None
     G = math.acos(min(max(float(a @ b) / (la * lb), -1.0), 1.0))
-    if math.pi - G < 1e-12:
+    if math.pi - G < 1e-12:  # of opposite ends rounding would choose the way round
         return None
     low, high = max(0.0, G - math.acos(radius / lb)), min(G, math.acos(radius / la))
     x = 0.5 * (low + high)
-    for _ in range(60):
+    for _ in range(60):  # halvings that bring half a turn to rounding
         f, slope = _bending(x, la, radius), _bending_slope(x, la, radius)
         g, back = _bending(G - x, lb, radius), _bending_slope(G - x, lb, radius)
         if f < g:
@@ -133,6 +134,7 @@ def _through(a: Array, b: Array, radius: float) -> tuple[Array, Array, float] | 
         else:
             high = x
         step = -(f - g) / (slope + back) if slope + back > 0.0 else 0.0
+        # Newton's step where it stays in the bracket, else half of that
         new = x + step if low < x + step < high and step else 0.5 * (low + high)
         if abs(new - x) <= 1e-16 * (1.0 + G):
             break

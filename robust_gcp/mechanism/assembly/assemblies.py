@@ -86,7 +86,7 @@ def assemblies(mechanism: Coordinates, q: Array, held: Index) -> Assemblies:
             one[cluster.iq] = part
         every.append(one)
     apart = [float(np.abs(way_between(mechanism, q, one)).max(initial=0.0)) for one in every]
-    order = np.argsort(apart, kind="stable")
+    order = np.argsort(apart, kind="stable")  # equal ones in the order in which they were met, on any machine
     ranges = ranges_of(mechanism)
     table = np.array([every[i] for i in order]).reshape(-1, mechanism.nq)
     return Assemblies(
@@ -97,10 +97,10 @@ def assemblies(mechanism: Coordinates, q: Array, held: Index) -> Assemblies:
 def _met(loops: ClosedLoops, q: Array, free: Index) -> tuple[Array, list[int], int]:
     """Configurations of a cluster, how often each was met, and from how many starts."""
     rng, close = np.random.default_rng(0), _closer(loops, free)
-    reach = np.where(loops.tree.rotates, np.pi, FAR * loops.length)
+    reach = np.where(loops.tree.rotates, np.pi, FAR * loops.length)  # every angle there is
     found: list[Array] = []
     met: list[int] = []
-    places = np.zeros((16, 12 * loops.own_model.njoints))
+    places = np.zeros((16, 12 * loops.own_model.njoints))  # p and R of each joint
     moving = starts = 0
     while starts < LEAST or (starts < MOST and min(met, default=MEETINGS) < MEETINGS):
         steps = np.zeros((BATCH, loops.nv))
@@ -108,11 +108,12 @@ def _met(loops: ClosedLoops, q: Array, free: Index) -> tuple[Array, list[int], i
         steps[0] *= starts > 0  # the first is the given one
         starts += BATCH
         for one in close(np.array([loops.tree.integrate(q, step) for step in steps])):
-            place = _places(loops, one)
+            place = _places(loops, one)  # of bodies: quaternions have two signs, angles whole turns
             known = np.flatnonzero(np.abs(places[: len(found)] - place).max(axis=1, initial=0.0) < SAME)
             if len(known):
                 met[int(known[0])] += 1
                 continue
+            # Of a motion all have a freedom; of assemblies the singular ones, so that a few prove nothing.
             moving += _moves(loops, one, free)
             if len(found) == len(places):
                 places = np.vstack([places, np.zeros_like(places)])
@@ -133,7 +134,7 @@ def _closer(loops: ClosedLoops, free: Index) -> Callable[[Array], Array]:
 
     def close(guesses: Array) -> Array:
         q, done = closed(loops, guesses, free)
-        if np.any(done):
+        if np.any(done):  # none is where the kernel does not know a joint
             return q[done]
         found = []
         for guess in guesses:

@@ -83,6 +83,7 @@ def assembled(
     ClosureError
         With each loop that stays open from the best start, and by how much.
     """
+    # φ is zero too where frames are turned by half a turn
     closed = loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess))
     if closed and (besides is None or not np.any(besides(guess)[0])):
         return guess
@@ -100,7 +101,7 @@ def assembled(
         for residual, most in zip(residuals, (POINT_STEPS, STEPS), strict=True):
             q, size = _descended(loops, q, free, residual, most)
         if size < CLOSE:
-            q = loops.polish(q, free)
+            q = loops.polish(q, free)  # φ itself, of which the descent has other forms
             size = loops.closure_residual(q)
             if size <= CLOSED:
                 return q
@@ -121,6 +122,7 @@ def _in_kernel(loops: ClosedLoops, guess: Array, free: Index, steps: Sequence[Ar
     """The same by the compiled kernel, from the first of the starts that leads there, if any."""
     from ...kernel.constraint.assembling import closed  # it stands above what it is made of
 
+    # the guess by itself first: as a rule that is enough, and it leads to the nearest assembly
     for some in (steps[:1], steps[1:]):
         starts = np.array([_moved(loops, guess, free, by) for by in some]).reshape(-1, loops.nq)
         q, done = closed(loops, starts, free)
@@ -150,6 +152,7 @@ def _descended(
     J = J[:, free] * units
     cost, history = float(r @ r), [np.inf]
     for _ in range(steps):
+        # regular whatever J's rank is
         step = -np.linalg.solve(J.T @ J + damping * np.eye(len(free)), J.T @ r)
         step *= min(1.0, LONGEST / max(float(np.abs(step).max(initial=0.0)), 1e-300))
         dv = np.zeros(loops.nv)
@@ -163,6 +166,7 @@ def _descended(
             damping = min(4.0 * damping, 1e3)
         history.append(cost)
         stalled = len(history) > PATIENCE and cost > STALLED * history[-PATIENCE]
+        # |r| two digits below `CLOSE`; stalled counts where damping does not make the steps short
         if cost < CLOSE**2 * 1e-4 or (stalled and damping < 1e2) or damping >= 1e3:
             break
     return q, float(np.abs(r).max(initial=0.0))
@@ -181,7 +185,7 @@ def _moved_that_way(loops: ClosedLoops, q: Array) -> float:
     way = loops.phi(q) / loops.row_scale
     way /= max(float(np.linalg.norm(way)), 1e-300)
     way /= loops.row_scale
-    places = [q, *loops.generic_configurations()]
+    places = [q, *loops.generic_configurations()]  # at q alone K may have lost rank
     return max(float(np.abs(way @ loops.K(p) * loops.units).max()) for p in places)
 
 

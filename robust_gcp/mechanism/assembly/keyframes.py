@@ -72,6 +72,6 @@ def keyframes_of(loops: ClosedLoops, given: Iterable[tuple[str, Array]], v: Mapp
             except ClosureError:
                 closed = False
         if closed and loops.nc:
-            rates = rates - opening(loops, q, rates)
+            rates = rates - opening(loops, q, rates)  # K v = 0 by the least change of v
         found[name] = Keyframe(q, rates, closed, float(left))
     return found

@@ -78,6 +78,7 @@ class Ranges(NamedTuple):
         """Residual and Jacobian that draw the joints inside, as `assembly` takes them."""
         away = self.beyond(q)
         by_v = np.zeros((len(away), nv))
+        # nothing draws a joint that is inside
         by_v[np.arange(len(away)), self.iv] = (away != 0.0) / self.units
         return away, by_v
 
@@ -142,8 +143,9 @@ def assembled_near(loops: ClosedLoops, guess: Array, free: Index, what: str) -> 
         As `assembled`.
     """
     q = assembled(loops, guess, free, what)
+    # a joint in no loop stays where the guess has it, inside its range or not
     ranges = ranges_of(loops).of(np.setdiff1d(free, free_velocities(loops)))
-    left = sorted(set(ranges.outside(q)) - set(ranges.outside(guess)))
+    left = sorted(set(ranges.outside(q)) - set(ranges.outside(guess)))  # what the guess has outside is meant
     if not left or np.abs(loops.tree.difference(guess, q) / loops.units).max() <= NEAR:
         return q
     within = _drawn_inside(loops, guess, free, ranges)
@@ -198,6 +200,7 @@ def _drawn_inside(loops: ClosedLoops, guess: Array, free: Index, ranges: Ranges)
     rng = np.random.default_rng(2)
     for number in range(STARTS):
         step = np.zeros(loops.nv)
+        # number 0 is the guess itself
         step[tied] = min(number, 1) * rng.uniform(-1.0, 1.0, len(tied)) * loops.units[tied]
         start = loops.tree.integrate(guess, step)
         if number:
@@ -207,7 +210,7 @@ def _drawn_inside(loops: ClosedLoops, guess: Array, free: Index, ranges: Ranges)
             q = assembled(loops, start, free, "", (0.0,), lambda q: ranges.rows(loops.nv, q))
         except ClosureError:
             continue
-        if not ranges.outside(q):
+        if not ranges.outside(q):  # least squares may have left a joint at some distance from its range
             return q
     return None
 

@@ -17,7 +17,7 @@ from ..tree.tree import Array
 
 def rod(length: float, mass: float, section: float) -> pin.Inertia:
     """A square rod along x from the origin, kg and m; a block about it where it has no length."""
-    about, across = mass * section / 6.0, mass * (length**2 + section) / 12.0
+    about, across = mass * section / 6.0, mass * (length**2 + section) / 12.0  # side² = section
     return pin.Inertia(mass, np.array([length / 2.0, 0.0, 0.0]), np.diag([about, across, across]))
 
 

@@ -138,6 +138,7 @@ class _Graph:
                 kind = partial(kind, axis=second, axis2=first)
             elif joint.axes:
                 kind = partial(kind, axis=tuple(map(float, joint.axes[0])))
+            # the parent's is frame 2, in which a closure's axis of sliding is fixed
             contents.closures.append(close_between(contents.model, kind, joint.name, (ends[1], ends[0])))
             if joint.damping or joint.stiffness:
                 lost.append(joint.name)
@@ -183,12 +184,13 @@ class _Graph:
 
     def _part(self, body: str) -> str:
         while self._parts[body] != body:
-            self._parts[body] = self._parts[self._parts[body]]
+            self._parts[body] = self._parts[self._parts[body]]  # halves the way for the next to ask
             body = self._parts[body]
         return body
 
     def _grow(self, body: str, contents: FileContents, numbers: list[Array]) -> None:
         """Everything that hangs on a body by joints of the tree."""
+        # no recursion: a chain may have thousands of joints
         pending = [(joint, body) for joint in reversed(self._touching[body])]
         while pending:
             joint, near = pending.pop()
@@ -205,6 +207,7 @@ class _Graph:
         inner, outer = (joint.on_parent, joint.on_child) if forward else (joint.on_child, joint.on_parent)
         chain, axes = CHAINS[joint.kind], [np.asarray(a, dtype=float) for a in joint.axes]
         if not forward:
+            # the same motion seen from the other body
             chain, axes = chain[::-1], [-axis for axis in axes[::-1]]
         carrier, place = self._places[near]
         place = place * inner
@@ -225,7 +228,7 @@ class _Graph:
             place = pin.SE3.Identity()
         self._places[far] = (carrier, place * outer.inverse())
         body = self._bodies[far]
-        if carrier:
+        if carrier:  # what is welded to the ground has no joint, and its inertia no part
             model.appendBodyToJoint(carrier, body.inertia, self._places[far][1])
         model.addFrame(pin.Frame(far, *self._places[far], pin.FrameType.BODY), False)
         contents.forces += _forces(joint)

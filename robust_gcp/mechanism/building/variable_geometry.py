@@ -87,6 +87,7 @@ class Varied:
                 continue  # there K reaches less
             reached, apart = K[:, self.iv], K[:, columns]
             apart = apart - reached @ np.linalg.lstsq(reached, apart, rcond=RANK)[0]
+            # the least over all places: conditioning makes rounding larger at some
             left = np.minimum(left, np.abs(apart).max(axis=0, initial=0.0) / np.abs(K).max(initial=1e-300))
         for name, far in zip(self.names, left.tolist(), strict=True):
             if OPEN < far < np.inf:
@@ -138,6 +139,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
     wanted = _wanted(mechanism, names)
     made, at = pin.Model(), {0: 0}
     made.name, made.gravity = model.name, model.gravity
+    # Joints without bodies move no mass: rotors keep M regular, and do nothing as these joints are held.
     size = sum(body.mass for body in list(model.inertias)[1:]) or 1.0
     rotors: list[tuple[str, float]] = []
 
@@ -149,6 +151,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
             parent = made.addJoint(parent, KINDS[DIRECTIONS.index(direction)](), start, name)
             rotors.append((name, size * (mechanism.length**2 if direction.startswith("r") else 1.0)))
         still = target not in wanted
+        # the rotation comes last, as directions are axes of the carrying joint
         return parent, placement if still else pin.SE3(placement.rotation, np.zeros(3))
 
     joints = {str(name) for name in list(model.names)[1:]}
@@ -184,6 +187,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
     except PartitionError as error:
         raise _opened(", ".join(names)) from error
     whole.still = names
+    # generic ones of the whole would move the placements too, and judge another mechanism
     whole.judged_at = [_within(q, iq, made.nq) for q in mechanism.generic_configurations()]
     _scale_alike(mechanism, whole, iv)
     of_y = {i: k for k, i in enumerate(whole.iv_independent.tolist())}

@@ -74,8 +74,13 @@ class Closure:
 
     @property
     def holds(self) -> bool:
-        """Whether the two frames share their origin."""
+        """Whether the two frames share their origin, by rows along the world's axes."""
         return tuple(self.position_rows()) == (0, 1, 2)
+
+    @property
+    def joins(self) -> bool:
+        """Whether the two frames share their origin, by whatever rows, up to a file's rounding."""
+        return len(self.position_rows()) == 3
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,11 @@ class PartialClosure(AxisClosure):
         """As of the whole."""
         return self.all_rows().is_proper(turn)
 
+    @property
+    def joins(self) -> bool:
+        """As of the whole: what others imply holds too."""
+        return self.all_rows().joins
+
     def all_rows(self) -> Closure:
         """The cut joint that it is a part of."""
         kind = next(kind for kind in closure_kinds() if kind.kind == self.whole)

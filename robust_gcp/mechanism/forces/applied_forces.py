@@ -128,7 +128,7 @@ class AppliedForces:
             power = float(tau @ v)
         if len(self._spring_q):
             pulls = -self._stiffness * (q[self._spring_q] - self._rest)
-            tau = tau + np.bincount(self._spring_v, pulls, minlength=len(tau))
+            tau = tau + np.bincount(self._spring_v, pulls, minlength=len(tau))  # several on a joint add up
         if self._lines is not None:
             line_tau, line_power = self._lines.torque_at(q, v)
             tau, power = tau + line_tau, power + line_power
@@ -137,6 +137,7 @@ class AppliedForces:
             tau, power = tau + pull, power + drag
         if self.own is not None:
             own_tau, stored = self.own.torque_at(q, v)
+            # what a potential gives is in the energy already
             tau, power = tau + own_tau, power + float(own_tau @ v) - stored
         return tau, power
 
@@ -209,7 +210,7 @@ class OwnForces:
         Numbers that are not finite there are left to the motions, which may never come there.
         """
         for force in self.forces:
-            with suppress(NonFiniteError), np.errstate(all="ignore"):
+            with suppress(NonFiniteError), np.errstate(all="ignore"):  # home may be a place of no direction
                 checked_tau(force, self._mechanism, q, self._still)
                 checked_energy(force, self._mechanism, q)
 

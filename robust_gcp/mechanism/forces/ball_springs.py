@@ -56,6 +56,7 @@ class BallSpring(Force):
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q), (nv,)."""
         joint, tau = self.place(mechanism.joints), np.zeros(mechanism.nv)
+        # θ is the axis of the rotation, hence the same in the axes of both bodies
         tau[joint.v] = -self.stiffness * pin.log3(self._turned(joint, q))
         return tau
 

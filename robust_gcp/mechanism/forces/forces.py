@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from ...checks import check_number, check_text, listed, shown
 from ...errors import ModelError, OptionError
 from ...user_functions import returned
-from ..constraint.closures import Closure, PrismaticClosure
+from ..constraint.closures import Closure
 from ..differences import torque_differences
 from ..tree.joints import Joint, joint_named, single_joint
 from ..tree.tree import Array
@@ -192,6 +192,7 @@ def forces_given(forces: Any) -> list[Any]:
     return listed(forces, "forces", "forces, such as JointSpring(joint, stiffness)", kind=Force)
 
 
+# What a user's force does to its arguments must not reach the state of the run.
 def checked_tau(force: Force, mechanism: Mechanism, q: Array, v: Array) -> Array:
     """What a force says as its τ, (nv,), handed copies of the state."""
     return _checked(force.tau(mechanism, q.astype(float), v.astype(float)), (mechanism.nv,), force, "tau")
@@ -228,7 +229,7 @@ def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
     held = {
         frozenset((closure.frame1, closure.frame2))
         for closure in closures
-        if isinstance(closure, Closure) and not isinstance(closure, PrismaticClosure)
+        if isinstance(closure, Closure) and closure.joins
     }
     for force in forces:
         if not isinstance(force, PointSpring) or not (force.rest_length or force.damping):

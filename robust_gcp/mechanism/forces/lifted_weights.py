@@ -53,6 +53,7 @@ class GravityCompensation(Force):
     def tau(self, mechanism: Mechanism, q: Vector, v: Vector) -> Array:
         """τ(q), (nv,)."""
         model = self._lifted(mechanism)
+        # gravity's term on the left of the equations of motion, −Σ J_pᵀ m g, is what holds the weights up
         return np.array(pin.computeGeneralizedGravity(model, workspace(model), q))
 
     def derivatives(self, mechanism: Mechanism, q: Vector, v: Vector) -> tuple[Array, Array]:

@@ -73,7 +73,7 @@ class Lines:
         u = along / length[:, None]
         wrench = np.hstack([u, cross(start, u)])
         rate = (wrench @ self._tree.J.T) * self._sign
-        tension = self._stiffness * (np.linalg.norm(along, axis=1) - self._rest)
+        tension = self._stiffness * (np.linalg.norm(along, axis=1) - self._rest)  # not `length`: 1 for 0
         power = 0.0
         if self.damped:
             speed = rate @ v

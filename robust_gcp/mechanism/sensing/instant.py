@@ -146,7 +146,7 @@ class Instant:
         total = pin.Force.Zero()
         for place, inertia, v, a in self.bodies(branch):
             weight = inertia.mass * self.gravity
-            total += place.act(inertia * a + inertia.vxiv(v))
+            total += place.act(inertia * a + inertia.vxiv(v))  # Newton–Euler in the body's axes
             total -= pin.Force(weight, cross(place.act(inertia.lever), weight))
         own, others = self.index(branch.joint), {self.index(joint) for joint in branch.joints}
         for frame, joint, point, force, moment in self._pushes:

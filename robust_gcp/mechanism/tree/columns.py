@@ -81,7 +81,7 @@ def with_simple_joints(model: pin.Model, joints: tuple[Joint, ...]) -> pin.Model
         last, place = at[model.parents[joint.index]], model.jointPlacements[joint.index]
         for number, (kind, offset) in enumerate(_chain(model.joints[joint.index], joint)):
             last = int(part.addJoint(last, kind, place * offset, f"{joint.name}/{number}"))
-            place = still
+            place = still  # each further one sits where the one before ends
         part.appendBodyToJoint(last, model.inertias[joint.index], still)
         at.append(last)
     part.armature = np.array(model.armature)

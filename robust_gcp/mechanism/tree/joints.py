@@ -102,7 +102,7 @@ _COSINE: tuple[_Spec, ...] = (("cos", "q", "", False), ("sin", "q", "", False))
 _NUMBERS: dict[JointKind, tuple[_Spec, ...]] = {
     JointKind.REVOLUTE: (("", "qv", "rad", True),),
     JointKind.PRISMATIC: (("", "qv", "m", False),),
-    JointKind.SCREW: (("", "qv", "rad", False),),
+    JointKind.SCREW: (("", "qv", "rad", False),),  # a whole turn moves it on by its pitch
     JointKind.CONTINUOUS: (*_COSINE, ("", "v", "rad", False)),
     JointKind.SPHERICAL: (*_QUATERNION, *_ROTATION),
     JointKind.TRANSLATION: _POSITION,
@@ -236,7 +236,7 @@ def in_v(joints: Sequence[Joint]) -> list[Component]:
 def carrying(model: pin.Model, joint: int) -> Array:
     """1 for the velocities of all joints between the root and this joint, itself included, else 0, (nv,)."""
     mask = np.zeros(model.nv)
-    for ancestor in list(model.supports[joint])[1:]:
+    for ancestor in list(model.supports[joint])[1:]:  # less the ground
         mask[model.idx_vs[ancestor] :][: model.nvs[ancestor]] = 1.0
     return mask
 
@@ -293,5 +293,5 @@ def _axis(model: pin.Model, joint: pin.JointModel) -> Array:
     data = joint.createData()
     joint.calc(data, pin.neutral(model))
     linear, angular = np.split(np.asarray(data.S, dtype=float).ravel(), 2)
-    along: Array = angular if np.any(angular) else linear
+    along: Array = angular if np.any(angular) else linear  # a screw's are parallel
     return along

@@ -77,7 +77,7 @@ def _check_placements(labels: Sequence[str], poses: Array) -> None:
     R = poses[:, :3, :3]
     off = np.abs(R @ R.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2))
     worst = int(np.argmax(off))
-    if off[worst] > NOT_TURNED or np.any(np.linalg.det(R) < 0.0):
+    if off[worst] > NOT_TURNED or np.any(np.linalg.det(R) < 0.0):  # R Rᵀ = I for reflections too
         raise ModelError(f"{labels[worst]} whose 3 × 3 matrix is no rotation; make it orthonormal")
 
 
@@ -120,6 +120,7 @@ def seen_from(model: pin.Model, point: Array) -> pin.Model:
     for frame in moved.frames:
         if frame.parentJoint == 0:
             frame.placement = _seen(frame.placement, point)
+    # what hangs on other joints has not moved against them
     return moved
 
 

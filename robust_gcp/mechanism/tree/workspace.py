@@ -80,7 +80,7 @@ def memory_left() -> float:
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
         left += [1024.0 * float(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
-        group = Path("/sys/fs/cgroup")
+        group = Path("/sys/fs/cgroup")  # a container's share is less than the machine's memory
         limit = (group / "memory.max").read_text(encoding="ascii").strip()
         if limit != "max":
             left.append(float(limit) - float((group / "memory.current").read_text(encoding="ascii")))
