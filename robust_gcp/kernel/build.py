@@ -113,7 +113,7 @@ def build(into: Path, log: list[str], sanitize: bool = False) -> Path:
         *(SANITIZED if sanitize else FLAGS),
         f"-I{HERE}",
         f"-I{HERE.parent / 'include'}",
-        f"-ffile-prefix-map={HERE}=kernel",
+        f"-ffile-prefix-map={HERE}=kernel",  # the same bytes wherever it is built
     ]
     for folder in headers(EIGEN):
         command += ["-isystem", str(folder), f"-ffile-prefix-map={folder}=eigen"]

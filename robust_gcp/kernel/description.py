@@ -84,9 +84,10 @@ def _described(mechanism: Mechanism, path: RegularPath, works: bool, driven: tup
     column_scale, scale = mechanism.column_scale.copy(), np.ones(mechanism.nv)
     own = _velocities_of_rest(mechanism)
     column_scale[own] = rest.column_scale
+    # columns of the dependent joints alone, so that y and G keep their own units
     scale[own[path.dependent]] = rest.column_scale[path.dependent]
     in_q: NDArray[np.int64] = np.full(mechanism.m, -1)
-    in_q[mechanism.numbers] = mechanism.iq_numbers
+    in_q[mechanism.numbers] = mechanism.iq_numbers  # −1 where a coordinate is no number in q
     arrays.structure.driven = len(driven)
     arrays.integers(independent=mechanism.iv_independent, independent_q=in_q, driven_y=driven)
     arrays.reals(size=1.0 / column_scale, turn=1.0 / mechanism.units, scale=scale)

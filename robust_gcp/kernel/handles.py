@@ -145,7 +145,7 @@ def tracker_numbers(library: Library, handle: int | None) -> Array:
     """The present state of the trackers as plain numbers."""
     count = ctypes.c_int64()
     numbers = library.trackers(handle, ctypes.byref(count))
-    return np.ctypeslib.as_array(numbers, (count.value,)).copy()
+    return np.ctypeslib.as_array(numbers, (count.value,)).copy()  # the kernel writes over its own
 
 
 class Trackers:
@@ -184,7 +184,7 @@ class Handed:
         """The trackers as they are."""
         self.secure()
         trackers = Trackers(self._fetch)
-        self._last = weakref.ref(trackers)
+        self._last = weakref.ref(trackers)  # what nobody keeps is never fetched
         return trackers
 
     def secure(self) -> None:
@@ -214,7 +214,7 @@ class Pool:
             self._empty()
             self.offsets = offsets
         try:
-            address = self._idle.pop()
+            address = self._idle.pop()  # another thread may take the last one at any time
         except IndexError:
             return None
         self._library.renew(address)
@@ -276,6 +276,7 @@ class Handle:
     ) -> None:
         key = ("idle in the kernel", library, works, driven, *path.rows.tolist())
         self._pool = mechanism.memo.once(key, lambda: Pool(library))
+        # `create` copies these, so one that was made at other offsets closes other loops
         self._offsets = tuple([c.offset for c in mechanism.closures if isinstance(c, MovingCoupling)])
         address = self._pool.take(self._offsets)
         if address is None:

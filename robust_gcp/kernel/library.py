@@ -75,6 +75,7 @@ class Library:
         if library.rg_version() != VERSION:
             raise OSError(f"{path} has interface {library.rg_version()}, this package needs {VERSION}")
         structures = Description, Cluster, Bridging, Request, States, ModeSeries, Assembly, Guarded, Rows
+        # a field more or less here would shift all that follow, and be read without an error
         for i, structure in enumerate((*structures, ExportedChart, Exported)):
             theirs, ours = library.rg_size(i), ctypes.sizeof(structure)
             if theirs != ours:
@@ -235,7 +236,7 @@ def _load(path: Path) -> tuple[Library | None, str]:
         return None, _why_not_built() if path.name == NAME else f"there is no {path}"
     try:
         return Library(path), f"compiled kernel {path}"
-    except (OSError, AttributeError) as error:
+    except (OSError, AttributeError) as error:  # an older library lacks a function
         return None, f"{path} does not load ({error}); build it again"
 
 

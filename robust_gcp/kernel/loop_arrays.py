@@ -78,7 +78,7 @@ def tree_arrays(mechanism: ClosedLoops, arrays: Arrays) -> list[Array]:
         place, body = model.jointPlacements[j], model.inertias[j]
         kinds.append(joint.kind)
         turns.append(turn)
-        rotation = before.T @ place.rotation @ turn
+        rotation = before.T @ place.rotation @ turn  # so that every axis is z in the kernel
         placements.append(np.concatenate([rotation.ravel(), before.T @ place.translation]))
         about = turn.T @ body.inertia @ turn
         inertias.append(
@@ -98,7 +98,7 @@ def turn_to_axis(joint: Joint) -> Array:
 def _with_z_along(axis: Array) -> Array:
     """A rotation matrix whose last column is the axis; exact for a coordinate axis."""
     last = int(np.argmax(np.abs(axis)))
-    first = cross(np.eye(3)[(last + 2) % 3], axis)
+    first = cross(np.eye(3)[(last + 2) % 3], axis)  # of e_k this is e_(k+1), a cyclic turn
     first /= np.linalg.norm(first)
     return np.column_stack([first, cross(axis, first), axis])
 
@@ -125,6 +125,7 @@ def closure_arrays(
         points += [turns[joint].T @ place.translation for joint, place in ends]
         local.append([turns[joint].T @ place.rotation for joint, place in ends])
     full = rows_of(closures)
+    # a coupling's row has no terms here: `coupling_arrays` fills it
     chosen = [full[row] if row < len(full) else Row(-1, "", ROTATION) for row in chooser.implicit.rows[rows]]
     arrays.structure.closures, arrays.structure.rows = len(closures), len(chosen)
     arrays.integers(
@@ -164,5 +165,6 @@ def coupling_arrays(
         further_at=[[order[c], iq, iv] for c, iq, iv, _ in further],
     )
     curve = list(rows)
+    # the offsets of moving couplings change between runs
     arrays.following("coupling_curve", lambda: ties.refresh()[curve].reshape(len(curve), width).copy())
     arrays.reals(further_arm=[arm for _, _, _, arm in further])

@@ -72,7 +72,7 @@ def _law(actuator: Actuator) -> list[float]:
 
 def _pull(gear: float, numbers: list[float], *ranges: Range | None) -> list[float]:
     limits = [end for each in ranges for end in (each or (-np.inf, np.inf))]
-    return [gear, *numbers, *[0.0] * (10 - len(numbers)), *limits]
+    return [gear, *numbers, *[0.0] * (10 - len(numbers)), *limits]  # a muscle has ten
 
 
 class _Paths:

@@ -243,7 +243,7 @@ class Arrays:
     def refresh(self) -> None:
         """Ask again for numbers that change, of members too."""
         for name, numbers in self._followed.items():
-            self._kept[name][...] = numbers()
+            self._kept[name][...] = numbers()  # in place: the structure points there
         for member in self._members:
             member.refresh()
 

@@ -77,6 +77,7 @@ class FileContents:
         """Add closures given beside the file's, in place of those between the same two frames."""
         added = list(closures)
         pairs = {_frames(closure) for closure in added}
+        # one who names a file's cut joint anew means another kind of it, not the same rows twice
         self.closures = [c for c in self.closures if _frames(c) not in pairs] + added
 
     def pose(self) -> Array | None:

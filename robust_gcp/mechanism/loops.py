@@ -151,6 +151,7 @@ class ClosedLoops:
         for K in self.generic_jacobians():
             largest = np.maximum(largest, np.linalg.norm(K / self.row_scale[:, None], axis=0))
         largest *= self.units  # columns by radians and lengths, or their sizes do not compare
+        # the column of an idle spin, rounding of 1e-16, would be scaled up to look like any other
         acts = largest > STRUCTURAL * largest.max(initial=0.0)
         return self.units / np.where(acts, largest, 1.0)
 
@@ -222,6 +223,7 @@ class ClosedLoops:
         for _ in range(10 if size > 0.0 and len(free) else 0):
             K = self.scaled(self.K(best))[:, free]
             residual = self.phi(best) / self.row_scale
+            # redundant rows need no choice: the step of least norm closes all of them
             step = scipy.linalg.lstsq(K, residual, cond=POLISHED, lapack_driver="gelsy")[0]
             dv = np.zeros(self.nv)
             dv[free] = -step * self.column_scale[free]

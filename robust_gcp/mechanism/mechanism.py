@@ -157,7 +157,7 @@ class Mechanism(FromFiles):
         self.tendons = tendons_given(self.tree, acting.tendons)
         self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
         require_determined(self)
-        if self.applied is not None and self.applied.own is not None:
+        if self.applied is not None and self.applied.own is not None:  # last: it may ask the mechanism for all
             self.applied.own.require_sound(self.home)
 
     @classmethod

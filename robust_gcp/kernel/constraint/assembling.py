@@ -42,6 +42,7 @@ def closed(loops: ClosedLoops, guesses: Array, free: Index) -> tuple[Array, NDAr
     done = left <= CLOSED
     for c, closure in enumerate(loops.loops):
         if type(closure).is_proper is not Closure.is_proper:
+            # rows of φ, by which some kinds are closed, are zero for half a turn too
             done[done] = [closure.is_proper(turn) for turn in turns[done, c]]
     return q, done
 

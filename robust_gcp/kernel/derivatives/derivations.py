@@ -20,6 +20,7 @@ BESIDE = 0.02
 """How far from a singular place rows of φ are chosen, dimensionless."""
 
 
+# A derivation's memory in the kernel is for one thread at a time.
 class _Made(threading.local):
     """One `Derivation` a thread; None where the kernel does not take the mechanism."""
 

@@ -139,14 +139,14 @@ def by_parameters(mechanism: Mechanism, parameters: Parameters, stages: Stages, 
         found = weighed(mechanism, stages.q, stages.v, stages.a, weights)
         assert found is not None  # the stages are the kernel's
         for i, joint, share in parameters.bodies:
-            by[i] = -found[0][joint] @ share
+            by[i] = -found[0][joint] @ share  # what is weighed is M a + C
         for i, k in parameters.gravity:
             by[i] = -found[1][k]
-            for lift in lifts_of(mechanism):
+            for lift in lifts_of(mechanism):  # what is lifted has no weight to vary
                 along = (lift.along(mechanism, q, k) for q in stages.q)
                 by[i] += sum(map(np.dot, weights, along))
     for i, k in parameters.armature:
-        by[i] = -weights[:, k] @ stages.a[:, k]
+        by[i] = -weights[:, k] @ stages.a[:, k]  # a rotor adds to M's diagonal alone
     for i, (what, force) in parameters.forces:
         at, torque = torques_by(mechanism, what, force, stages.q, stages.v)
         by[i] = np.einsum("nk,nk->", weights[:, at], torque)

@@ -118,8 +118,8 @@ class StateDerivatives:
         """Which of N states are good, and u̇ (N, m); see `slopes`."""
         udot, status = np.empty((len(q), self.m)), np.empty(len(q), dtype=np.int32)
         G = np.empty((len(q), self.nv, self.m))
-        wanted = {"ydd": udot, "G": G}
-        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, self._steady, **wanted)
+        wanted: dict[str, Array] = {"ydd": udot, "G": G}
+        states = self._states(q, v, tau, status, wanted, mode=mode, steady=self._steady)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         return status == 0 if known else self._sound(status, q, G, mode), udot
 
@@ -128,7 +128,7 @@ class StateDerivatives:
         found: list[Array | None] = []
         for steady in (0.0, self._steady):
             G, status = np.empty((1, self.nv, self.m)), np.empty(1, dtype=np.int32)
-            states = self._states(q[None], v[None], None, status, 0.0, 0.0, None, None, steady, G=G)
+            states = self._states(q[None], v[None], None, status, {"G": G}, steady=steady)
             self._library.slopes(self._handle, ctypes.byref(states.structure))
             found.append(G[0] if status[0] == 0 else None)
         return found[1] if found[0] is None else None
@@ -162,7 +162,7 @@ class StateDerivatives:
         wanted: dict[str, Array] = {"ydd": udot, "rows": rows, "G": G, "v_y": v_y}
         if every is not None:
             wanted |= {"a": every.a, "a_y": every.by_y, "a_u": every.by_u}
-        states = self._states(q, v, tau, status, 0.0, 0.0, mode, None, self._steady, **wanted)
+        states = self._states(q, v, tau, status, wanted, mode=mode, steady=self._steady)
         self._library.slopes(self._handle, ctypes.byref(states.structure))
         good = status == 0 if known else self._sound(status, q, G, mode)
         return Slopes(good, udot, rows, G, v_y, every)
@@ -194,15 +194,15 @@ class StateDerivatives:
                 good[i] = False
             if self._left_over:
                 K = mechanism.scaled(mechanism.K(q[i]))
-                moved = G[i] / columns[:, None] * columns[mechanism.iv_independent]
+                moved = G[i] / columns[:, None] * columns[mechanism.iv_independent]  # G, dimensionless
                 open_rate = np.abs(K @ moved).max(initial=0.0) / np.abs(moved).max()
                 good[i] &= mechanism.closure_residual(q[i]) <= NEARLY_CLOSED and open_rate <= RANK
         return good
 
     def _states(
-        self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], at_rest: float = 0.0,
-        same: float = 0.0, mode: Array | None = None, zone: float | None = None, steady: float = 0.0,
-        **results: Array,
+        self, q: Array, v: Array, tau: Array | None, status: NDArray[np.int32], results: dict[str, Array],
+        at_rest: float = 0.0, same: float = 0.0, mode: Array | None = None, zone: float | None = None,
+        steady: float = 0.0,
     ) -> Arrays:  # fmt: skip
         """A request, which keeps what is given, as rows in a row; the results must outlive it."""
         places = {name: part.ctypes.data for name, part in {"status": status, **results}.items()}
@@ -210,6 +210,7 @@ class StateDerivatives:
         limits = {"zone": zone, "steady": steady, "close": CLOSED, "same": same, "at_rest": at_rest}
         request = Arrays(States(count=len(q), **limits, **places))
         own = self._mechanism.iv_independent
+        # as G, with I in the independent rows
         along = None if mode is None else mode @ np.linalg.inv(mode[own])
         given = {"q": q, "v": v, "tau": tau, "mode": along}
         request.reals(**{name: part for name, part in given.items() if part is not None})

@@ -68,7 +68,7 @@ class Derivation(StateDerivatives):
         stages = Stages.room(times, nq, nv, m) if staged else None
         if stages is not None:
             wanted |= stages.arrays()
-        states = self._states(q, v, tau, status, 1.0, same, None, zone, steady, **wanted)
+        states = self._states(q, v, tau, status, wanted, 1.0, same, zone=zone, steady=steady)
         self._drives = 0
         if prescribed is not None:
             self._drives = states.structure.drives = prescribed.shape[3]
@@ -99,7 +99,8 @@ class Derivation(StateDerivatives):
         wanted: dict[str, Array] = {"q_out": ends[0], "v_out": ends[1], "G": G}
         if jacobians:
             wanted |= {"A": np.empty((n, 2 * m, 2 * m)), "B": np.empty((n, 2 * m, self.nv))}
-        states = self._states(q, v, tau, status, 1.0, np.inf, mode, ZONE, 0.0, **wanted)
+        # ∞: no next state is known
+        states = self._states(q, v, tau, status, wanted, 1.0, np.inf, mode, ZONE)
         with asking(self._mechanism, states, function):
             self._library.step_each(self._handle, ctypes.byref(states.structure), t, h)
         return self._sound(status, q, G, mode), *ends, wanted.get("A"), wanted.get("B")

@@ -48,7 +48,7 @@ class Driving:
         return found
 
 
-NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)
+NO_CALLBACK, NOTHING = TorqueCallback(), np.zeros(0)  # a null pointer: ctypes takes no None here
 
 
 class Acting:
@@ -106,6 +106,7 @@ class Acting:
             request.held = places["tau"]
             self.tau[:] = 0.0 if callable(torque) else mechanism.velocity(torque, "torque")
             if self._held is not None and held > nv:
+                # controls follow the torques, doubles of 8 bytes
                 request.control, request.control_stride = places["tau"] + 8 * nv, self._held.stride
                 request.control_rows = ROWS_HELD
         if self._control is not None:
@@ -218,7 +219,7 @@ def torque_answer(
             assert supplied is not None  # there is no callback without either
             tau[:] = supplied(t, q, v)
             return
-        own, stored[0] = forces.torque_at(q, v)
+        own, stored[0] = forces.torque_at(q, v)  # the power that potentials give, which is no work
         if energy:
             stored[1] = forces.energy(q)
         tau[:] = own if supplied is None else own + supplied(t, q, v)

@@ -90,7 +90,7 @@ def weighed(mechanism: Mechanism, q: Array, v: Array, a: Array, weights: Array) 
 def _turned(mechanism: Mechanism) -> Array:
     """What takes sums by π in the kernel's frames to those in the joints' own, (joints, 10, 10)."""
     turns = np.array([turn_to_axis(joint) for joint in mechanism.joints]).reshape(-1, 3, 3)
-    units = (np.tile(unit, (len(turns), 1)) for unit in np.eye(10))
+    units = (np.tile(unit, (len(turns), 1)) for unit in np.eye(10))  # the map is linear: its columns
     return np.stack([_in_own_frames(turns, each) for each in units], axis=-1)
 
 
@@ -104,7 +104,7 @@ def _in_own_frames(turns: Array, sums: Array) -> Array:
         moments[:, j, i] += 0.5 * sums[:, k]
     moments = turns @ moments @ turns.transpose(0, 2, 1)
     for k, (i, j) in enumerate(OF_MOMENTS, start=4):
-        own[:, k] = moments[:, i, j] * (1.0 if i == j else 2.0)
+        own[:, k] = moments[:, i, j] * (1.0 if i == j else 2.0)  # sums by π, not π: both entries add up
     return own
 
 

@@ -45,6 +45,7 @@ def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Cro
             float(row[1]),
             row[8:][numbers],
             row[8:],
+            # row[7]: order of contact
             "near miss" if row[6] else "tangential" if row[7] > 1.0 else "transversal",
             float(row[4]),
             float(row[5]),
@@ -71,7 +72,7 @@ def bridging(options: BridgeOptions, last_resort: float, error_controlled: bool 
         Bridging(
             count=len(options.nodes),
             reach=options.reach(1),
-            reach_of_several=options.reach(2),
+            reach_of_several=options.reach(2),  # the same for any number from two on
             closure_tolerance=options.closure_tolerance,
             geometric_tolerance=options.geometric_tolerance,
             transversality=options.transversality,
@@ -138,7 +139,7 @@ class Outputs:
 def one_by_one(looked: Looked, outputs: Outputs, first: int = 0) -> Callable[[float], bool]:
     """What is told the ends of steps one after the other, by outputs from one on."""
     ends = zip(outputs.q[first:], outputs.v[first:], strict=True)
-    return lambda t: looked(t, *next(ends))
+    return lambda t: looked(t, *next(ends))  # the kernel has written the row before it tells
 
 
 @dataclass(frozen=True)
@@ -247,7 +248,7 @@ class Choices:
         self, request: Request, last_resort: float, tableau: Tableau | None, guard: Guard | None
     ) -> None:
         self._request, self._last_resort = request, last_resort
-        self.shares: tuple[float, ...] = (0.0, 0.5)
+        self.shares: tuple[float, ...] = (0.0, 0.5)  # RK4's; c = 1 is the next step's 0
         if tableau is not None:
             self.shares = tableau.c
             self._weights = np.array([*(x for row in tableau.a for x in row), *tableau.b, *tableau.c])

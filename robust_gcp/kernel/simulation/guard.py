@@ -57,6 +57,7 @@ def dop853() -> Array:
     from scipy.integrate import DOP853  # takes as long to load as many runs
 
     rows = [DOP853.A[s, :s] for s in range(1, len(DOP853.B))]
+    # the weights left out are of the derivative at the step's end, and zero
     return np.concatenate([*rows, DOP853.B, DOP853.C, DOP853.E3[:-1], DOP853.E5[:-1]])
 
 
@@ -92,6 +93,7 @@ class Guard:
 
     def __init__(self, bounds: Sequence[Bounds]) -> None:
         whole: dict[tuple[object, ...], Bounds] = {}
+        # values before rates, as the kernel counts
         for each in sorted(bounds, key=lambda each: each.of_rate):
             key = each.in_v, each.weights, each.of_rate
             old = whole.get(key, each)
@@ -126,4 +128,4 @@ class Guard:
         now = np.where(rates, r2, r1)
         near = np.minimum(value - self._lower, self._upper - value)
         turned = (was * now < 0.0) & (near <= REACH * h * np.maximum(np.abs(was), np.abs(now)))
-        return bool(np.any(~(near > 0.0) | turned))
+        return bool(np.any(~(near > 0.0) | turned))  # NaN is to be looked at too

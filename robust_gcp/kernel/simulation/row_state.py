@@ -52,7 +52,7 @@ class RowState:
 
     def take(self, other: RowState) -> None:
         """Become what another one is."""
-        for name in list(self.__dataclass_fields__)[1:]:
+        for name in list(self.__dataclass_fields__)[1:]:  # in place, as the kernel has their addresses
             getattr(self, name)[...] = getattr(other, name)
 
     def copy(self) -> RowState:

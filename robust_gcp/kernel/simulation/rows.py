@@ -197,7 +197,7 @@ class MotionRows:
             regular = which[self.in_zone[which] == 0]
             before = state.at[regular]
             self._on_threads(self._ahead, regular, pool)
-            self._going[regular[state.at[regular] != before]] = False
+            self._going[regular[state.at[regular] != before]] = False  # their own workspaces stayed behind
             which = which[(state.left[which] > 0) & (state.status[which] != Reason.CHART)]
             state.status[which], later = Reason.DONE, np.maximum(state.left[which] - STRETCH, 0)
             state.left[which] -= later
@@ -254,7 +254,7 @@ class MotionRows:
     ) -> None:
         count = len(self._spaces)
         if pool is None or len(which) < 2 * count:
-            do(self._spaces[0], which)
+            do(self._spaces[0], which)  # too few to share out
             return
         pairs = zip(self._spaces, np.array_split(which, count), strict=True)
         for done in [pool.submit(do, *pair) for pair in pairs]:
@@ -278,7 +278,7 @@ class MotionRows:
         """A structure that points to the numbers of some rows."""
         if kind not in self._structures:
             self._structures[kind] = self._pointing(kind())
-        rows = kind.from_buffer_copy(self._structures[kind])
+        rows = kind.from_buffer_copy(self._structures[kind])  # one for each thread
         rows.count, rows.which = len(which), which.ctypes.data
         return rows
 

@@ -132,6 +132,7 @@ class NativeSteps:
 
     def look(self, motion: Problem, now: Evaluation, x: Array, t: float) -> Evaluation | None:
         """An evaluation at x under the torque that is held now; None where Python has to look."""
+        # the kernel looks at its own last state, so that has to be this one
         if self._workspace is None or now.point is not self._workspace.latest:
             begun = self.take(motion, now, x, np.array([t]), ())  # no step, but the kernel is there
             if begun is None:
@@ -176,7 +177,7 @@ class NativeSteps:
         if self._drive is not None:
             driven = len(self._drive.names)
             prescribed = self._drive.stages(times[: n + 1], workspace.shares)
-            if len(prescribed) < min(2, n + 1):
+            if len(prescribed) < min(2, n + 1):  # not even the first step: Python tells what is wrong in it
                 return None
             n = len(prescribed) - 1
         sizes, inside = (mechanism.nq, mechanism.nv, wanted, driven), None

@@ -94,7 +94,7 @@ class Workspace:
         self._choices = Choices(self.request, resort, tableau, guard)
         self.shares, self.reference = self._choices.shares, ctypes.byref(self.request)
         self.acting = Acting(self.request, mechanism, torque, self._driving)
-        self.looks_within = len(mechanism.numbers) == mechanism.m
+        self.looks_within = len(mechanism.numbers) == mechanism.m  # charts are renewed at ends of steps alone
 
     def run(
         self,
@@ -253,7 +253,7 @@ class Workspace:
         if not self.acting.asks:
             self.acting.listen()
         self.acting.prescribe(t)
-        self.shared.x[:] = self.shared.anchor[:] = 0.0
+        self.shared.x[:] = self.shared.anchor[:] = 0.0  # what an earlier motion left
         self.shared.x[self._numbers] = q[self._numbers_in_q]
         self.shared.x[self._m : 2 * self._m] = u
         self.shared.anchor[self._layout.q] = q

@@ -96,12 +96,15 @@ class Blocks:
         pairs = zip(self.blocks, self.dets, self._numbers["reference"].tolist(), strict=True)
         for (_, _, own, adjugate, inverse), det, reference in pairs:
             if len(own) == 1:
+                # of a column whose largest norm is 1
                 found.append(det.absolute().or_smaller(tape.constant(1.0)))
             elif len(own) == 2:
                 s = total([x * x for row in own for x in row])
+                # σ_min/σ_max: |det| = σ₁σ₂, s = σ₁² + σ₂²; rounding may leave a square below zero
                 inner = (s * s - det * det * 4.0).or_larger(tape.constant(0.0))
                 found.append(det.absolute() * 2.0 / (s + inner.root()).or_larger(tape.constant(1e-300)))
             else:
+                # as LAPACK's reciprocal condition number, against the one of generic configurations
                 stretch = norm(own) * norm(adjugate) * inverse.absolute() * float(reference)
                 found.append((tape.constant(1.0) / stretch).or_smaller(tape.constant(1.0)))
         return found
@@ -127,7 +130,7 @@ def adjugate_of(tape: Tape, a: list[list[Traced]]) -> tuple[list[list[Traced]], 
     for i in range(3):
         row = []
         for j in range(3):
-            r, s, c, e = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3
+            r, s, c, e = (j + 1) % 3, (j + 2) % 3, (i + 1) % 3, (i + 2) % 3  # cyclic: no signs
             row.append(a[r][c] * a[s][e] - a[r][e] * a[s][c])
         adjugate.append(row)
     return adjugate, total([a[0][j] * adjugate[j][0] for j in range(3)])

@@ -40,6 +40,7 @@ class Kinematics:
         if self.k["kind"][j] != REVOLUTE:
             return
         c, s, square = self.c[j], self.s[j], x * x
+        # up to x = 1e-3, beyond which steps.cc leaves the step, these err below rounding
         sine = x * (self.tape.constant(1.0) - square * (1.0 / 6.0))
         versine = square * (self.tape.constant(0.5) - square * (1.0 / 24.0))
         self.c[j], self.s[j] = c - (c * versine + s * sine), s - (s * versine - c * sine)
@@ -82,7 +83,7 @@ class Kinematics:
             W.append(plus(w, vz) if turns else w)
             U.append(u if turns else plus(u, vz))
             A.append(plus(a, az, cross(w, vz)) if turns else a)
-            B.append(b if turns else plus(b, az, times(2.0, cross(w, vz))))
+            B.append(b if turns else plus(b, az, times(2.0, cross(w, vz))))  # a slide's Coriolis acceleration
         return W, U, A, B
 
     # --------------------------------------------------------------------- constraint

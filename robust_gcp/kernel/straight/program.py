@@ -19,6 +19,7 @@ from ..structures import Arrays
 from .blocks import Numbers, described
 from .stage import Stage
 
+# for this processor alone, which `_processor` tells: folders may be shared by machines
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fPIC", "-shared", "-w")
 
 SWITCH = "ROBUST_GCP_COMPILE"
@@ -78,7 +79,7 @@ def known_steps(mechanism: Mechanism) -> bool:
 
 def header(numbers: Numbers) -> str:
     """What steps.cc includes of a mechanism."""
-    d, blocks = numbers.structure, max(1, numbers.structure.blocks)
+    d, blocks = numbers.structure, max(1, numbers.structure.blocks)  # C++ has no arrays of none
     part, inputs = _parts(numbers)
     stage = Stage(numbers)
     lines = [
@@ -110,7 +111,7 @@ def compiled(text: str) -> Path:
     if library.is_file():
         return library
     folder.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:  # where `replace` is one act
         (Path(scratch) / "mechanism.h").write_text(text, encoding="utf-8")
         staged = Path(scratch) / "steps.so"
         command = [*compiler(), *FLAGS, f"-I{scratch}", "-x", "c++", str(source), "-o", str(staged)]
@@ -133,12 +134,12 @@ def _parts(numbers: Numbers) -> tuple[list[int], list[int]]:
 
     def join(a: int, b: int) -> None:
         a, b = find(a), find(b)
-        owner[max(a, b)] = min(a, b)
+        owner[max(a, b)] = min(a, b)  # a part is called by its first joint
 
     def join_path(a: int, b: int) -> None:
         between = []
         while a != b:
-            between.append(max(a, b))
+            between.append(max(a, b))  # a parent's number is below its child's
             a, b = (parent[a], b) if a > b else (a, parent[b])
         for j in between[1:]:
             join(between[0], j)

@@ -25,14 +25,13 @@ class Stage(Kinematics):
 
     def text(self) -> str:
         """The lines of the stage; places of outputs are those of `Point` in steps.cc."""
-        d, kept = self.d, self.k
-        scale = kept["scale"]
+        d, scale = self.d, self.k["scale"]
         out: dict[str, Traced] = {}
         largest: list[Traced] = []
         solver: Blocks | None = None
         for _ in range(2):
             arms = self.place_all()
-            if solver is None:
+            if solver is None:  # kept for both steps: steps.cc tests what that leaves
                 solver = Blocks(self.tape, self.k, self.jacobian(arms))
             step = solver.solve(self.residual(arms))
             size = self.tape.constant(0.0)
@@ -43,11 +42,11 @@ class Stage(Kinematics):
         arms = self.place_all()
         K = self.jacobian(arms)
         last = Blocks(self.tape, self.k, K)
-        G = self._velocities(last, K)
+        G = self._velocities(last, K)  # with K at the corrected q, not at the predicted one
         v = [total([G[a][j] * self.u[a] for a in range(d.m)]) for j in range(d.nv)]
         still = [self.tape.constant(0.0)] * d.nv
         if d.m == 1:
-            bend = self._bent(last, arms, G[0], still)
+            bend = self._bent(last, arms, G[0], still)  # g = γ'' ẏ²: for one coordinate γ'' serves all speeds
             g = [x * (self.u[0] * self.u[0]) for x in bend]
             out |= {f"out.bend[{i}]": bend[i] for i in range(d.nv)}
         else:
@@ -78,7 +77,7 @@ class Stage(Kinematics):
             pulls = []
             for (j, _, x), lever in zip(pair, arm, strict=True):
                 pulls.append(B[j][x] + cross(A[j], lever)[x] + cross(W[j], cross(W[j], lever))[x])
-            k.append((pulls[1] - pulls[0]) * float(self.k["row_weight"][row]))
+            k.append((pulls[1] - pulls[0]) * float(self.k["row_weight"][row]))  # k = −K̇ v
         found, scale = solver.solve(k), self.k["scale"]
         return [
             found[j] * float(scale[j]) if j in found else self.tape.constant(0.0) for j in range(self.d.nv)
@@ -94,10 +93,10 @@ class Stage(Kinematics):
         units = [self.move(column, still)[:2] for column in G]
         M = [[self.tape.constant(0.0)] * m for _ in range(m)]
         f = [self.tape.constant(0.0)] * m
-        gravity = [self.tape.constant(-float(x)) for x in kept["gravity"]]
+        gravity = [self.tape.constant(-float(x)) for x in kept["gravity"]]  # as if the ground rose
         for j in range(1, d.joints + 1):
             numbers = self.inertia[j - 1]
-            if not numbers.any():
+            if not numbers.any():  # a massless body
                 continue
             mass, lever = float(numbers[0]), self.turned(j, numbers[1:4])
             pull = plus(B[j], cross(A[j], lever), cross(W[j], cross(W[j], lever)), gravity)
@@ -175,8 +174,8 @@ class Stage(Kinematics):
             pace = paces[0]
             for other in paces[1:]:
                 pace = pace.or_larger(other)
-            least = (pace * pace * (LOST * float(self.k["own"][0]))).or_larger(M[a][a] * DEFINITE)
-            left = D[a] - least if m > 1 else D[a] - pace * pace * (LOST * float(self.k["own"][0]))
+            least = pace * pace * (LOST * float(self.k["own"][0]))
+            left = D[a] - (least.or_larger(M[a][a] * DEFINITE) if m > 1 else least)
             sound = left if sound.value is not None else sound.or_smaller(left)
         for a in range(m):
             f[a] = f[a] - total([L[a][n] * f[n] for n in range(a)])

@@ -27,7 +27,7 @@ class Tape:
     def made(self, form: str, *parts: Traced, commutes: bool = False) -> Traced:
         """One that is computed from others by a form with places {0}, {1}."""
         texts = [part.text for part in parts]
-        key = (form, *(sorted(texts) if commutes else texts))
+        key = (form, *(sorted(texts) if commutes else texts))  # a + b and b + a round alike
         if key not in self.known:
             made = self.known[key] = Traced(self, None, f"t{len(self.known)}")
             self.lines.append((made.name, form.format(*texts), tuple(texts)))
@@ -37,6 +37,7 @@ class Tape:
         """The lines that outputs need, and the outputs."""
         needed, body = {number.text for number in outputs.values()}, list[str]()
         for name, text, parts in reversed(self.lines):
+            # an output, or a part of one: backwards, so that each is known before its parts
             if name in needed:
                 needed.update(parts)
                 body.append(f"    const real {name} = {text};")
@@ -56,7 +57,7 @@ class Traced:
     @property
     def text(self) -> str:
         """As C."""
-        return self.name if self.value is None else f"fixed({self.value!r})"
+        return self.name if self.value is None else f"fixed({self.value!r})"  # all digits
 
     def _with(self, other: Traced | float) -> Traced:
         return other if isinstance(other, Traced) else self.tape.constant(other)
@@ -85,7 +86,7 @@ class Traced:
         if self.value is not None and other.value is not None:
             return self.tape.constant(self.value * other.value)
         for one, more in ((self, other), (other, self)):
-            if one.value == 0.0:
+            if one.value == 0.0:  # zero by construction, whatever the other is
                 return one
             if one.value == 1.0:
                 return more

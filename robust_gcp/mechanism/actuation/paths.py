@@ -169,7 +169,7 @@ class TurningJoint(Path):
 class _Turning(BoundPath):
     def __init__(self, tree: Tree, joint: Any, gear: Array, in_parent: bool) -> None:
         self._nv, self._joint, self._gear, self._in_parent = tree.nv, joint, gear, in_parent
-        self._q = slice(joint.idx_q + len(gear) - 3, joint.idx_q + len(gear) + 1)
+        self._q = slice(joint.idx_q + len(gear) - 3, joint.idx_q + len(gear) + 1)  # a free joint's comes last
 
     def length_at(self, q: Array) -> tuple[float, Array]:
         """See `BoundPath`."""
@@ -193,5 +193,5 @@ def tendons_given(tree: Tree, tendons: Any) -> dict[str, Path]:
         check_text("tendons: name", name)
         if not isinstance(path, Path):
             raise ModelError(f"tendon {name!r} = {shown(path)} is no path, such as a FixedTendon")
-        path.on(tree, f"tendon {name!r}")
+        path.on(tree, f"tendon {name!r}")  # refuses what is not there
     return dict(tendons)

@@ -113,7 +113,7 @@ class _Cranked(PathOnBodies):
         d = at_crank - at_slider
         along = length = float(axis @ d)
         by_d, by_axis = axis, d
-        square = along**2 + self._rod**2 - float(d @ d)
+        square = along**2 + self._rod**2 - float(d @ d)  # negative where the rod does not reach the axis
         if square > 0.0:
             root = float(np.sqrt(square))
             share = 1.0 - along / root

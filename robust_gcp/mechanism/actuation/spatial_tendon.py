@@ -126,11 +126,12 @@ class Line(PathOnBodies):
         share, before, wrap, names = 1.0, None, None, ("", "")
         for element in elements:
             if isinstance(element, Pulley):
-                share, before = 1.0 / element.divisor, None
+                share, before = 1.0 / element.divisor, None  # the line begins anew behind a pulley
             elif isinstance(element, Wrap):
                 wrap, names = self._round(element, owner), (names[0], element.frame)
             else:
                 here = self._point(element, owner)
+                # points held together have no direction between them, but round a wrap
                 if before is not None and (wrap is not None or not self._joined(before, here)):
                     self.stretches.append((share, *before, *here, wrap))
                     self._frames.append((*names, element))

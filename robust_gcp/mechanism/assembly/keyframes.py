@@ -68,6 +68,7 @@ def keyframes_of(loops: ClosedLoops, given: Iterable[tuple[str, Array]], v: Mapp
         closed = left <= DIGITS
         if closed and loops.nc:
             try:
+                # no other start: that pose is meant
                 q = assembled(loops, q, every, f"keyframe {name!r}", (0.0,))
             except ClosureError:
                 closed = False

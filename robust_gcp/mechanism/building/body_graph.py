@@ -94,7 +94,7 @@ class _Graph:
             order = self._freed(order)
         self._tree = [joint for joint in order if self._joins(joint)]
         in_tree, there = set(map(id, self._tree)), set(map(id, order))
-        self._tree = [joint for joint in joints if id(joint) in in_tree]
+        self._tree = [joint for joint in joints if id(joint) in in_tree]  # the file's order numbers q
         self._loops = [joint for joint in joints if id(joint) in there - in_tree]
         self._touching: dict[str, list[BodyJoint]] = {body: [] for body in self._bodies}
         for joint in self._tree:

@@ -246,6 +246,7 @@ def _wanted(mechanism: Mechanism, names: tuple[str, ...]) -> dict[str, list[str]
                 f"parameters: {names[0]} changes the geometry, and {type(force).__name__} is a force that "
                 "may depend on it in ways not known here; take differences of whole runs, or leave it out"
             )
+    # in one order, as a chain's later joints turn with its earlier ones
     return {target: sorted(moves, key=DIRECTIONS.index) for target, moves in found.items()}
 
 

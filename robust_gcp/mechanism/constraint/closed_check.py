@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def require_closed(loops: ClosedLoops, q: Array, tolerance: float, what: str) -> None:
     """A ClosureError where max |φ| / length exceeds `tolerance`."""
     phi = loops.phi(q)
-    worst = int(np.argmax(np.abs(phi) / loops.row_scale))
+    worst = int(np.argmax(np.abs(phi) / loops.row_scale))  # metres and radians compare by their scales
     residual = float(np.abs(phi[worst]))
     if residual / loops.row_scale[worst] <= tolerance:
         return

@@ -102,7 +102,7 @@ class CouplingClosure:
         power = np.array([1.0])
         for c in coefficients:
             expanded = polynomial.polyadd(expanded, float(c) * power)
-            power = polynomial.polymul(power, (-origin2, 1.0))
+            power = polynomial.polymul(power, (-origin2, 1.0))  # (q₂ − origin₂)ⁱ
         # ratio and offset are always told
         expanded = np.append(expanded, np.zeros(max(0, 2 - len(expanded))))
         while len(expanded) > 2 and expanded[-1] == 0.0:

@@ -50,7 +50,7 @@ def with_named_frames(model: pin.Model, closures: Iterable[Any]) -> tuple[pin.Mo
     listed = list(closures)
     if all(isinstance(c, OWN) for c in listed):
         return model, listed
-    extended = model.copy()
+    extended = model.copy()  # the caller's model stays as it is
     named: list[AnyClosure] = []
     for i, item in enumerate(listed):
         if isinstance(item, OWN):

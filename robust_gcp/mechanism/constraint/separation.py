@@ -106,7 +106,7 @@ class Separation:
     def _velocity(self, point: int) -> Array:
         """∂p/∂v of a followed point, (3, nv), world axes."""
         J = self._loops.tree.J
-        moved: Array = J[:, :3] + J[:, 3:] @ skew(self._loops.tree.frame_p[point])
+        moved: Array = J[:, :3] + J[:, 3:] @ skew(self._loops.tree.frame_p[point])  # v + ω × p
         return np.asarray(moved.T * self._carried[point])
 
     def _turning(self, point: int) -> Array:

@@ -76,6 +76,7 @@ def loop_clusters(
         own = tuple(n for n in independent if n in names or n.rpartition(".")[0] in names)
         order = np.argsort(iv)  # couplings may tie a branch beyond a joint of no loop, see `loop_groups`
         chosen = order[np.searchsorted(iv, iv_independent[inputs], sorter=order)]
+        # of the loops alone, so that a change of coordinates finds them made
         part = loops.of_loops.once(("loops of", names), partial(_by_itself, loops, closures, group))
         clusters.append(LoopCluster(len(clusters), names, closures, own, iq, iv, chosen, inputs, part))
     return tuple(clusters)

@@ -95,7 +95,7 @@ def completed(
     lost = tuple(one for one in wanted if one not in kept)
     numbers = in_v(loops.joints)
     weight = np.array([1.0 if loops.joint_at(i).single else COMPONENT for i in range(loops.nv)])
-    weight[free_velocities(loops)] = 1.0
+    weight[free_velocities(loops)] = 1.0  # no other joint could stand for these
     rest = np.setdiff1d(np.arange(loops.nv), rows)
     Q = np.linalg.qr(T[rows].T)[0]
     left = (T[rest] - T[rest] @ Q @ Q.T) * weight[rest, None]  # motions that the kept ones leave
@@ -139,13 +139,14 @@ def regular_near(loops: ClosedLoops, home: Array, nearly: float = 0.0, wanted: S
     names = set(loops.joint_names)
     given = [one for one in wanted if isinstance(one, str)]
     wanted = [one for one in given if one in names or one.rpartition(".")[0] in names]
+    # along K's kernel only does one leave a singular place without opening the loops at first order
     rng, here = np.random.default_rng(1), motions(loops, home)
     at_home = _quality(loops, home, wanted)
     # ∞ beside the rank: a well conditioned home is left for a larger rank alone
     found, best = home, at_home if at_home[-1] < nearly else (at_home[0], np.inf)
     for _ in range(BESIDE):
         way = here @ (here.T @ rng.normal(0.0, 1.0, loops.nv))  # the same in any basis
-        way[free_velocities(loops)] = 0.0
+        way[free_velocities(loops)] = 0.0  # joints in no loop change no rank
         step = loops.units * way * (AWAY / max(float(np.abs(way).max(initial=0.0)), 1e-300))
         try:
             q = assembled(loops, loops.tree.integrate(home, step), np.arange(loops.nv), "home", (0.0,))

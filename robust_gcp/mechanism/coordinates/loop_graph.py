@@ -72,6 +72,7 @@ def characteristic_length(model: pin.Model, closures: Sequence[AnyClosure]) -> f
     if not groups:
         everything = LoopGroup(tuple(range(1, model.njoints)), (), (0,))
         return _size(model, closures, everything) or 1.0
+    # all points in one: any unit will do
     return max(_size(model, closures, group) for group in groups) or 1.0
 
 

@@ -62,7 +62,7 @@ def triangular_blocks(pattern: NDArray[np.bool_]) -> list[Block] | None:
     )
     if np.any(row_of_column < 0):
         return None
-    matched = pattern[row_of_column]
+    matched = pattern[row_of_column]  # with nonzero entries all along the diagonal
     count, label = scipy.sparse.csgraph.connected_components(
         scipy.sparse.csr_array(matched), directed=True, connection="strong"
     )
@@ -109,7 +109,7 @@ def spanning(vectors: Array, count: int) -> list[int]:
     Without a preference the last bits of a machine's LAPACK would decide between equal ones, such as the two
     spins of a rod between spherical joints.
     """
-    first = 1.0 - TIE * np.arange(len(vectors))
+    first = 1.0 - TIE * np.arange(len(vectors))  # earlier rows weigh a little more
     pivots = scipy.linalg.qr((vectors * first[:, None]).T, mode="economic", pivoting=True)[2]
     return [int(pivot) for pivot in pivots[:count]]
 

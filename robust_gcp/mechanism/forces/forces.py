@@ -232,6 +232,7 @@ def require_length(forces: Sequence[Force], closures: Sequence[Any]) -> None:
         if isinstance(closure, Closure) and closure.joins
     }
     for force in forces:
+        # without these the force is linear in the vector between the points and vanishes with it
         if not isinstance(force, PointSpring) or not (force.rest_length or force.damping):
             continue
         if frozenset((force.frame1, force.frame2)) in held:

@@ -82,7 +82,7 @@ class GravityCompensation(Force):
         def made() -> pin.Model:
             model = mechanism.tree.model.copy()
             for i in range(model.njoints):
-                model.inertias[i] = pin.Inertia.Zero()
+                model.inertias[i] = pin.Inertia.Zero()  # gravity's torque is linear in the masses
             model.armature = np.zeros(model.nv)
             for _, joint, mass, point in self._placed(mechanism):
                 model.inertias[joint] += pin.Inertia(mass, point, np.zeros((3, 3)))

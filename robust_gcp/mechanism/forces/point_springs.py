@@ -39,7 +39,7 @@ class Lines:
         self._damping = np.array([s.damping for s in springs])
         self.damped = bool(np.any(self._damping))
         ends_carried = [[carrying(tree.model, joint) for joint in end] for end in self._joint.tolist()]
-        self._sign: Array = np.array(ends_carried[1]) - np.array(ends_carried[0])
+        self._sign: Array = np.array(ends_carried[1]) - np.array(ends_carried[0])  # 0: carries both or none
 
     def _ends(self, q: Array) -> tuple[Array, Array]:
         """Point 1 of each spring and the vector to its point 2, world axes."""
@@ -112,7 +112,7 @@ class Lines:
         length = np.linalg.norm(apart.x, axis=1)
         size = np.where(length > 0.0, length, 1.0)
         u = apart.x / size[:, None]
-        turning = (apart.d - u * np.einsum("nx,nx->n", u, apart.d)[:, None]) / size[:, None]
+        turning = (apart.d - u * np.einsum("nx,nx->n", u, apart.d)[:, None]) / size[:, None]  # u̇, across u
         along = np.einsum("njx,nx->nj", apart.x_q, u)
         bend = np.einsum("njx,nx->nj", apart.d_q, u) + np.einsum("njx,nx->nj", apart.x_q, turning)
         return length, np.einsum("nx,nx->n", u, apart.d), along, bend

@@ -114,8 +114,9 @@ class Instant:
     def acceleration(self, spot: Spot) -> tuple[Array, Array]:
         """v̇ − gravity, as an accelerometer has it, and ω̇ of a frame, world axes."""
         joint, place, _ = self.placed(spot)
+        # a spatial acceleration lacks ω × v, which an accelerometer feels
         found = pin.getFrameClassicalAcceleration(self.model, self._data, joint, place, AXES)
-        return found.linear - self.gravity, found.angular
+        return found.linear - self.gravity, found.angular  # forward kinematics knows of no gravity
 
     def bodies(self, branch: Branch) -> Iterator[tuple[pin.SE3, pin.Inertia, pin.Motion, pin.Motion]]:
         """Where each body is, its inertia, velocity and acceleration on itself."""
@@ -170,6 +171,7 @@ class Instant:
         assert self.mechanism.actuation is not None
         forces = self._driven()[0]
         self.mechanism.tree.jacobians(self.q)
+        # placed here: without power nobody has
         length, moment = self.mechanism.actuation.paths[i].length_at(self.q)
         gear = actuators[i].gear
         return gear * length, gear * float(moment @ self.v), float(forces[i])

@@ -154,8 +154,9 @@ def _limit(here: Instant, sensor: Sensor) -> tuple[float, float]:
     ends = [(q[0] - lower, v[0]), (upper - q[0], -v[0])]
     if len(q) > 1:
         size = float(np.linalg.norm(q[:3]))
+        # of the shorter way round
         axis = q[:3] / size * (-1.0 if q[3] < 0.0 else 1.0) if size else np.zeros(3)
-        ends = [(upper - 2.0 * np.arctan2(size, abs(q[3])), -axis @ v)]
+        ends = [(upper - 2.0 * np.arctan2(size, abs(q[3])), -axis @ v)]  # acos errs by 1e-8 near no rotation
     return next(((gap - margin, rate) for gap, rate in ends if gap < margin), (0.0, 0.0))
 
 
@@ -183,7 +184,7 @@ def _potential(here: Instant, sensor: Sensor) -> float:
     energy = here.mechanism.energies(here.q, np.zeros(here.model.nv))[1]
     if sensor.branch is not None:
         mass, centre = here.centre(sensor.branch)
-        energy -= mass * float(here.gravity @ centre)
+        energy -= mass * float(here.gravity @ centre)  # bodies on the ground are in no inertia of the model
     return energy
 
 
@@ -213,7 +214,7 @@ class Kind(NamedTuple):
 KINDS: dict[str, Kind] = {
     "jointpos": Kind(1, "q", lambda here, s: _joint(here, s)[0]),
     "jointvel": Kind(1, "v", lambda here, s: _joint(here, s)[1]),
-    "ballquat": Kind(4, "q", lambda here, s: np.roll(_joint(here, s)[0], 1)),
+    "ballquat": Kind(4, "q", lambda here, s: np.roll(_joint(here, s)[0], 1)),  # w first
     "ballangvel": Kind(3, "v", lambda here, s: _joint(here, s)[1]),
     "jointlimitpos": Kind(1, "q", lambda here, s: _limit(here, s)[0]),
     "jointlimitvel": Kind(1, "v", lambda here, s: _limit(here, s)[1]),

@@ -128,7 +128,7 @@ class Motions:
     def __init__(self, columns: Columns, J: Array, v: Array, a: Array) -> None:
         self.columns, self.J = columns, J
         self.V: Array = columns.carries @ (J * v[:, None])
-        self.rate = motion_cross(self.V[columns.part], J)
+        self.rate = motion_cross(self.V[columns.part], J)  # constant in the part's own frame
         """Time derivative of J."""
         self.A: Array = columns.carries @ (J * a[:, None] + self.rate * v[:, None])
 
@@ -147,6 +147,7 @@ class Motions:
             + cross(W, d_q)
         )
         dd_v = dAv[..., :3] + cross(dAv[..., 3:], P) + cross(J[..., 3:], S) + cross(W, p_q)
+        # A is spatial, of what passes the origin: a point of the body has ω × ṗ besides
         return Vectors(p, speed, A[:, :3] + cross(alpha, p) + cross(w, speed), p_q, d_q, dd_q, dd_v)
 
     def directions(self, part: NDArray[np.int64], u: Array) -> Vectors:
