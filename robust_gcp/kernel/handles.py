@@ -111,7 +111,7 @@ class Layout:
 
     def point(self, packed: Array, origin: Array | None = None) -> Point:
         """The point at the front of these numbers, in charts about q, or about another whole q."""
-        flat = packed[: self.size].copy()
+        flat = packed[: self.size].copy()  # the kernel writes its next point there
         y, ydot, q, G, g, bend, det, rcond, _ = self._slices
         one = np.ones(0)
         point = Point(
@@ -125,7 +125,7 @@ class Layout:
             flat[rcond] if self._looped else one,
             float(flat[-1]),
         )
-        origin = point.q if origin is None else origin
+        origin = point.q if origin is None else origin  # so that w = 0 there
         if self._groups is not None:
             point = taken_apart(self._groups, point, origin[self._groups.iq])
         if self._charts is not None:
@@ -290,6 +290,6 @@ class Handle:
 
     def __del__(self) -> None:
         """Leave the kernel's memory to the next one."""
-        if hasattr(self, "handed"):
+        if hasattr(self, "handed"):  # not where `__init__` raised
             self.handed.secure()
             self._pool.give_back(self.address, self._offsets)

@@ -108,7 +108,7 @@ class _Paths:
         row: list[Any] = [share, *self._on(a, at_a), *self._on(b, at_b)]
         if wrap is None:
             self.stretch_at += [a, b, STRAIGHT, 0, -1]
-            self.stretch.append([*row, *[0.0] * 16])
+            self.stretch.append([*row, *[0.0] * 16])  # radius, centre, axes and side of no wrap
             return
         axes = self._turns[wrap.joint].T @ wrap.place.rotation
         beside, side = (-1, [0.0] * 3) if wrap.side is None else (wrap.side[0], self._on(*wrap.side))

@@ -157,7 +157,8 @@ class Mechanism(FromFiles):
         self.tendons = tendons_given(self.tree, acting.tendons)
         self.actuation = Actuation(self.tree, self.actuators) if self.actuators else None
         require_determined(self)
-        if self.applied is not None and self.applied.own is not None:  # last: it may ask the mechanism for all
+        # last, as a user's force may ask the mechanism for anything
+        if self.applied is not None and self.applied.own is not None:
             self.applied.own.require_sound(self.home)
 
     @classmethod

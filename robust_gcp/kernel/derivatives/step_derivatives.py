@@ -115,7 +115,7 @@ class Derivation(StateDerivatives):
         states = stages.t, stages.q, stages.v
         found = followed(self._mechanism, function, slopes, states, stages.G, stages.dv_dy)
         by_y, by_u = map(np.ascontiguousarray, found)
-        self._library.feed(self._handle, 4 * first, len(by_y), by_y.ctypes.data, by_u.ctypes.data)
+        self._library.feed(self._handle, 4 * first, len(by_y), by_y.ctypes.data, by_u.ctypes.data)  # 4 stages
 
     def pull(
         self,

@@ -205,7 +205,7 @@ def _answers(
         if isinstance(error, GeneratorExit) and not asked:  # nobody will ask again
             raise
         raised.append(error)
-    yield 1
+    yield 1  # the kernel stops, and asks no more
 
 
 def torque_answer(

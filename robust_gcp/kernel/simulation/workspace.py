@@ -148,7 +148,7 @@ class Workspace:
         else:
             self._begin_at(now.point, trackers)
         outputs.written_by(r)
-        self.handed.secure()
+        self.handed.secure()  # before the kernel moves on from them
         self.acting.listen(control is not None, looked and one_by_one(looked, outputs))
         self.library.run(self.handle, self.reference)
         return self._batch(0, int(r.completed), outputs.first(int(r.completed)))

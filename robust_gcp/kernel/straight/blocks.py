@@ -70,12 +70,12 @@ class Blocks:
     """K_d, block by block, by cofactors as small.h has them."""
 
     def __init__(self, tape: Tape, numbers: Numbers, K: list[list[Traced]]) -> None:
-        self.K, self._tape, self._numbers, d, kept = K, tape, numbers, numbers.structure, numbers
+        self.K, self._tape, self._numbers = K, tape, numbers
         self.blocks: list[tuple[list[int], list[int], list[list[Traced]], list[list[Traced]], Traced]] = []
         self.dets: list[Traced] = []
-        for b in range(d.blocks):
-            at = slice(int(kept["block_start"][b]), int(kept["block_start"][b + 1]))
-            rows, columns = kept["block_rows"][at].tolist(), kept["block_columns"][at].tolist()
+        for b in range(numbers.structure.blocks):
+            at = slice(int(numbers["block_start"][b]), int(numbers["block_start"][b + 1]))
+            rows, columns = numbers["block_rows"][at].tolist(), numbers["block_columns"][at].tolist()
             own = [[K[r][j] for j in columns] for r in rows]
             adjugate, det = adjugate_of(tape, own)
             self.dets.append(det)

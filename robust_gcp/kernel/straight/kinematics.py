@@ -23,14 +23,14 @@ class Kinematics:
     """
 
     def __init__(self, numbers: Numbers) -> None:
-        d, kept = numbers.structure, numbers
-        self.tape, self.d, self.k = Tape(), d, kept
-        self.place, self.inertia = kept["placement"].reshape(-1, 12), kept["inertia"].reshape(-1, 10)
+        self.tape, self.k, self.d = Tape(), numbers, numbers.structure
+        d = self.d
+        self.place, self.inertia = numbers["placement"].reshape(-1, 12), numbers["inertia"].reshape(-1, 10)
         self.zero = [self.tape.constant(0.0)] * 3
         given = self.tape.given
         self.q, self.c, self.s = ([given(f"{x}[{i}]") for i in range(d.nv)] for x in ("q", "c", "s"))
         self.u, self.tau = [given(f"u[{i}]") for i in range(d.m)], [given(f"tau[{i}]") for i in range(d.nv)]
-        controls = int(kept["pull_at"].reshape(-1, 4)[:, 2].max(initial=-1)) + 1
+        controls = int(numbers["pull_at"].reshape(-1, 4)[:, 2].max(initial=-1)) + 1
         self.ctrl, self.power = [given(f"ctrl[{i}]") for i in range(controls)], given("power")
         self.ends = self._ends()
 
@@ -43,6 +43,7 @@ class Kinematics:
         # up to x = 1e-3, beyond which steps.cc leaves the step, these err below rounding
         sine = x * (self.tape.constant(1.0) - square * (1.0 / 6.0))
         versine = square * (self.tape.constant(0.5) - square * (1.0 / 24.0))
+        # by 1 − cos x, which is small with x, so that nothing cancels
         self.c[j], self.s[j] = c - (c * versine + s * sine), s - (s * versine - c * sine)
 
     def place_all(self) -> Arms:

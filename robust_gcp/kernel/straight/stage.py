@@ -90,8 +90,8 @@ class Stage(Kinematics):
         d, kept, m = self.d, self.k, self.d.m
         W, _, A, B = self.move(v, g)
         still = [self.tape.constant(0.0)] * d.nv
-        units = [self.move(column, still)[:2] for column in G]
-        M = [[self.tape.constant(0.0)] * m for _ in range(m)]
+        units = [self.move(column, still)[:2] for column in G]  # Kane's partial velocities: all at ẏ_a = 1
+        M = [[self.tape.constant(0.0)] * m for _ in range(m)]  # Gᵀ M G, its lower triangle
         f = [self.tape.constant(0.0)] * m
         gravity = [self.tape.constant(-float(x)) for x in kept["gravity"]]  # as if the ground rose
         for j in range(1, d.joints + 1):
@@ -158,7 +158,7 @@ class Stage(Kinematics):
                 sums[i] = force * arm + sums[i]
         for i, (low, high) in enumerate(self.k["effort"].reshape(-1, 2).tolist()):
             if isinstance(sums[i], Traced):
-                found[i] = found[i] + within(sums[i], low, high) * self.power
+                found[i] = found[i] + within(sums[i], low, high) * self.power  # 0 where no control is given
         return found
 
     def _solved(self, M: list[list[Traced]], f: list[Traced], G: list[list[Traced]]) -> dict[str, Traced]:

@@ -72,7 +72,7 @@ class Muscle:
     def _fast(self, V: float) -> float:
         """FV: two parabolas, 1 at V = 0."""
         most = self.fvmax - 1.0
-        if V <= -1.0:
+        if V <= -1.0:  # it shortens as fast as it can and pulls nothing
             return 0.0
         if V <= 0.0:
             return (V + 1.0) ** 2

@@ -92,5 +92,5 @@ class TendonSpring(Force):
             return super().derivatives(mechanism, q, v)
         length, moment = path.length_at(q)
         outer = np.outer(moment, moment)
-        pulls = self.stiffness if self._stretch(length) else 0.0
+        pulls = self.stiffness if self._stretch(length) else 0.0  # slack between both lengths
         return -pulls * outer, -self.damping * outer

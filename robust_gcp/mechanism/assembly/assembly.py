@@ -85,7 +85,7 @@ def assembled(
     """
     # φ is zero too where frames are turned by half a turn
     closed = loops.nc == 0 or (loops.closure_residual(guess) <= CLOSED and _aligned(loops, guess))
-    if closed and (besides is None or not np.any(besides(guess)[0])):
+    if closed and (besides is None or not np.any(besides(guess)[0])):  # kept to the last bit
         return guess
     rng = np.random.default_rng(0)
     steps = [rng.normal(0.0, 1.0, len(free)) * spread * loops.units[free] for spread in spreads]
@@ -161,7 +161,7 @@ def _descended(
         r_trial, J_trial = residual(trial)
         if r_trial @ r_trial < cost:
             q, r, J, cost = trial, r_trial, J_trial[:, free] * units, float(r_trial @ r_trial)
-            damping = max(0.3 * damping, 1e-14)
+            damping = max(0.3 * damping, 1e-14)  # never 0: of redundant rows JᵀJ is singular
         else:
             damping = min(4.0 * damping, 1e3)
         history.append(cost)

@@ -116,7 +116,7 @@ def assembled_within(
     ClosureError
         As `assembled`.
     """
-    ranges = ranges_of(loops).of(free)
+    ranges = ranges_of(loops).of(free)  # joints that are held stay, wherever they are
     failure: ClosureError | None = None
     try:
         first = assembled(loops, guess, free, what, spreads)
@@ -145,14 +145,19 @@ def assembled_near(loops: ClosedLoops, guess: Array, free: Index, what: str) -> 
     q = assembled(loops, guess, free, what)
     # a joint in no loop stays where the guess has it, inside its range or not
     ranges = ranges_of(loops).of(np.setdiff1d(free, free_velocities(loops)))
-    left = sorted(set(ranges.outside(q)) - set(ranges.outside(guess)))  # what the guess has outside is meant
-    if not left or np.abs(loops.tree.difference(guess, q) / loops.units).max() <= NEAR:
+    if not _strays(loops, ranges, guess, q):
         return q
     within = _drawn_inside(loops, guess, free, ranges)
     if within is not None:
         return within
     log.info("%s: the configuration %s", what, outside_words(loops, q))
     return q
+
+
+def _strays(loops: ClosedLoops, ranges: Ranges, guess: Array, q: Array) -> bool:
+    """Whether q is far from the guess, with joints outside their ranges that the guess has inside."""
+    left = set(ranges.outside(q)) - set(ranges.outside(guess))  # what the guess has outside is meant
+    return bool(left) and np.abs(loops.tree.difference(guess, q) / loops.units).max() > NEAR
 
 
 def assembled_all(loops: ClosedLoops, guesses: Array, free: Index, what: str) -> Array:
@@ -169,12 +174,8 @@ def assembled_all(loops: ClosedLoops, guesses: Array, free: Index, what: str) ->
     q, done = closed(loops, guesses, free)
     ranges = ranges_of(loops).of(np.setdiff1d(free, free_velocities(loops)))
     if len(ranges.names):
-        far = [
-            np.abs(loops.tree.difference(a, b) / loops.units).max() > NEAR
-            for a, b in zip(guesses, q, strict=True)
-        ]
-        left = [set(ranges.outside(b)) - set(ranges.outside(a)) for a, b in zip(guesses, q, strict=True)]
-        done &= ~np.array([bool(f and out) for f, out in zip(far, left, strict=True)], dtype=bool)
+        pairs = zip(guesses, q, strict=True)
+        done &= ~np.array([_strays(loops, ranges, *pair) for pair in pairs], dtype=bool)
     errors: dict[int, ClosureError] = {}
     for i in np.flatnonzero(~done):
         try:

@@ -149,6 +149,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
             start = pin.SE3(np.eye(3), placement.translation if i == 0 else np.zeros(3))
             name = f"{target}{MARK}{direction}"
             parent = made.addJoint(parent, KINDS[DIRECTIONS.index(direction)](), start, name)
+            # of the mechanism's own order, so that M is as well conditioned as before
             rotors.append((name, size * (mechanism.length**2 if direction.startswith("r") else 1.0)))
         still = target not in wanted
         # the rotation comes last, as directions are axes of the carrying joint
@@ -162,7 +163,7 @@ def _varied(mechanism: Mechanism, names: tuple[str, ...]) -> Varied:
     def add_frames(joint: int) -> None:
         for frame in frames.get(joint, ()):
             place = at[joint], frame.placement
-            if str(frame.name) not in joints:
+            if str(frame.name) not in joints:  # a joint's own frame moves with the joint
                 place = more(str(frame.name), *place)
             made.addFrame(pin.Frame(frame.name, place[0], place[1], frame.type))
 

@@ -15,7 +15,7 @@ NEARBY = 1e-2
 
 def singular_values(loops: ClosedLoops, q: Array) -> Array:
     """Of the dimensionless K at q, descending."""
-    s: Array = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)
+    s: Array = np.linalg.svd(loops.scaled(loops.K(q)), compute_uv=False)  # scaled: ranks have no unit
     return s
 
 
@@ -61,11 +61,9 @@ def singular_words(loops: ClosedLoops, q: Array) -> str:
     for direction in Vt[rank:]:
         way = loops.column_scale * direction
         near = beside(loops, q, way)
-        if near is None:
-            return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
-        moved = loops.tree.difference(q, near) / loops.column_scale
         # Closing the loops takes most of a step back that is a motion of K alone.
-        if moved @ direction < 0.5 * NEARBY * float(direction @ direction) / np.abs(direction).max():
+        least = 0.5 * NEARBY * float(direction @ direction) / np.abs(direction).max()
+        if near is None or (loops.tree.difference(q, near) / loops.column_scale) @ direction < least:
             return f"rank {rank}, and a direction in which K v = 0 leads nowhere"
         there = numerical_rank(singular_values(loops, near), RANK_NEARBY)
         if there != rank:

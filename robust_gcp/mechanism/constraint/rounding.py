@@ -145,12 +145,13 @@ def _selected(
     # All places side by side: a row is superfluous where the same combination vanishes at each of them.
     U, s, _ = np.linalg.svd(K, full_matrices=False)
     strict, loose = numerical_rank(s, exact), numerical_rank(s, ROUNDED)
-    rounding = max(part.implicit.vanishing.values(), default=0.0)
+    rounding = max(part.implicit.vanishing.values(), default=0.0)  # of rows that were left out as zero before
     if loose < strict:
         rounding = max(rounding, float(s[loose] / s[0]))
     # without a clear gap below the rows that move it may be a linkage of very unequal links
     if loose == 0 or not 0.0 < rounding <= ROUNDED or (loose < strict and s[loose - 1] < GAP * s[loose]):
         return None
+    # rows that no motion closes are frames that do not fit, which is for the user to know
     if max(np.abs(U[:, loose:].T @ (part.phi(q) / size)).max(initial=0.0) for q in places) > LARGEST_GAP:
         return None
     pivots = scipy.linalg.qr(K.T, mode="economic", pivoting=True)[2][:loose]  # the best conditioned ones
@@ -178,6 +179,7 @@ def _levers(part: ClosedLoops, whole: Sequence[Closure], places: Sequence[Array]
     size = np.ones(len(owner))
     for closure in set(owner.tolist()):
         rows = (owner == closure) & part.implicit.is_length
+        # a closure that nothing moves has no lever; one longer than the links is none of the mechanism's
         size[rows] = min(max(moved[rows].max(initial=0.0), STRUCTURAL * part.length), part.length)
     return size
 
@@ -197,6 +199,7 @@ def _persists(
             step = sign * way * freed.column_scale
             step *= MOVED / max(float(np.abs(step / freed.units).max()), 1e-9)
             q = freed.polish(loops.tree.integrate(home, step), every)
+            # where the rows that are kept do not close either, it tells nothing
             if freed.closure_residual(q) < STRUCTURAL and loops.closure_residual(q) > LEFT_OPEN:
                 return False
-    return bool(ways)
+    return bool(ways)  # what does not move proves nothing

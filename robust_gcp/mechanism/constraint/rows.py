@@ -84,7 +84,7 @@ class LoopRows:
         self._u = np.array([u for *_, u, _ in terms]).reshape(-1, 3)
         self._n = np.array([n for *_, n in terms]).reshape(-1, 3)
         axis = np.array([row.axis for _, row, *_ in terms], dtype=np.int64)[:, None]
-        self._point, self._turns = axis != ROTATION, axis < 0
+        self._point, self._turns = axis != ROTATION, axis < 0  # n of both other sorts turns with frame 2
         self.turning = bool(self._turns.any())
         self._entry = (3 * self._first[:, None] + axis).ravel()  # of p₁ − p₂, of rows along the world's axes
         self._starts = np.searchsorted([i for i, *_ in terms], np.arange(len(rows)))

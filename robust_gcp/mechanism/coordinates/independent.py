@@ -114,7 +114,7 @@ def _serving(loops: ClosedLoops, T: Array, wanted: Sequence[str]) -> tuple[list[
     rows: list[int] = []
     for one in wanted:
         more = [*rows, *loops.velocities_of(one)]
-        enough = len(set(more)) == len(more) <= T.shape[1]
+        enough = len(set(more)) == len(more) <= T.shape[1]  # none twice, no more than there is mobility
         if enough and np.linalg.svd(T[more], compute_uv=False)[-1] > SERVES:
             kept, rows = [*kept, one], more
     return kept, rows
@@ -189,7 +189,7 @@ def require_determined(loops: Coordinates) -> None:
         return
     ranks = [numerical_rank(np.linalg.svd(K, compute_uv=False), STRUCTURAL) for K in jacobians]
     rank = min(max(ranks, default=0), max(nd - 1, 0))  # at least one direction is to be named
-    _, _, Vt = np.linalg.svd(jacobians[0])
+    _, _, Vt = np.linalg.svd(jacobians[0])  # its last rows: what K_d leaves undetermined
     moving = np.zeros(loops.nv)
     moving[iv_dependent] = np.max(np.abs(Vt[rank:]), axis=0)
     culprits = [n for n in loops.dependent if np.any(moving[loops.velocity_slice(n)] > DETERMINES)]
@@ -224,6 +224,7 @@ def is_determined(jacobians: Sequence[Array]) -> bool:
         return False
     rows = independent_rows(jacobians[0], count)
     square = [K[rows] for K in jacobians]
+    # an entry that vanishes at one place by accident does not at all of them
     blocks = triangular_blocks(np.any([np.abs(K) > STRUCTURAL for K in square], axis=0))
     if blocks is None:  # these rows determine nothing; with redundant ones others might
         return len(rows) < jacobians[0].shape[0] and any(map(_has_full_rank, jacobians))

@@ -79,10 +79,8 @@ class JointCharts:
 
     def place_slopes(self, origin: Array, w: Array) -> tuple[Array, Array]:
         """∂(origin ⊕ w) by origin and by w, (n, n) each, all in the joints' own axes."""
-        return tuple(
-            np.asarray(pin.dIntegrate(self.model, origin, w, argument))
-            for argument in (pin.ArgumentPosition.ARG0, pin.ArgumentPosition.ARG1)
-        )  # type: ignore[return-value]
+        by_origin = np.asarray(pin.dIntegrate(self.model, origin, w, pin.ArgumentPosition.ARG0))
+        return by_origin, self.turn(origin, w)
 
     def rate_slopes(self, w: Array, u: Array) -> tuple[Array, Array]:
         """∂ẇ/∂w and ∂ẇ/∂u of `rate`, (n, n) each, by ẇ = Σ (−1)ᵏ Bₖ/k! ad_wᵏ u."""
@@ -112,6 +110,7 @@ class JointCharts:
             S = np.asarray(data.S, dtype=float).reshape(6, joint.nv)
             products = motion_cross(S.T[:, None], S.T[None])
             own = slice(joint.idx_v, joint.idx_v + joint.nv)
+            # brackets stay in the span of S, as the joint's motions are a group
             found[own, own, own] = np.einsum("ix,jkx->ijk", np.linalg.pinv(S), products)
         return found
 
@@ -139,7 +138,7 @@ class LoopCharts(JointCharts):
 def _inverse_exponential() -> tuple[float, ...]:
     """(−1)ᵏ Bₖ/k! for k = 1, 2, …, of the inverse of the exponential map's derivative."""
     found = [Fraction(1)]  # exact, so that odd ones but the first are zero
-    for k in range(1, 60):
+    for k in range(1, 60):  # to 1e-20 up to 2.9 rad a step
         found.append(-sum((c / factorial(k + 1 - j) for j, c in enumerate(found)), Fraction(0)))
     return tuple(float((-1) ** k * c) for k, c in enumerate(found))[1:]
 

@@ -125,7 +125,7 @@ class AppliedForces:
         power = 0.0
         if self._joint_work:
             tau = self._drive - self._damping * v
-            power = float(tau @ v)
+            power = float(tau @ v)  # before springs are added, which have a potential
         if len(self._spring_q):
             pulls = -self._stiffness * (q[self._spring_q] - self._rest)
             tau = tau + np.bincount(self._spring_v, pulls, minlength=len(tau))  # several on a joint add up

@@ -151,6 +151,7 @@ class Instant:
             total -= pin.Force(weight, cross(place.act(inertia.lever), weight))
         own, others = self.index(branch.joint), {self.index(joint) for joint in branch.joints}
         for frame, joint, point, force, moment in self._pushes:
+            # bodies welded together share a joint, and a cut between them has one side's frames
             if joint in others or (joint == own and (branch.frames is None or frame in branch.frames)):
                 total -= pin.Force(force, moment + cross(point, force))
         return total

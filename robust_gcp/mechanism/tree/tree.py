@@ -64,7 +64,7 @@ class Tree(threading.local):
     def __init__(self, model: pin.Model, points: Sequence[tuple[int, pin.SE3]] = ()) -> None:
         if not hasattr(self, "model"):  # runs again, with these arguments, in each further thread
             self._share(model, points)
-        first = self.model.nframes - len(points)
+        first = self.model.nframes - len(points)  # the points are its last frames
         self.data = workspace(self.model)
         self.nq, self.nv = int(model.nq), int(model.nv)
         self.vector_space = self.nq == self.nv
