@@ -131,7 +131,7 @@ def _cluster(mechanism: Mechanism, rest: Mechanism, cluster: LoopCluster) -> Arr
         iq, iv, inputs = groups.rest_iq[iq], groups.rest_iv[iv], groups.rest_inputs[inputs]
     description, _ = loops_arrays(loops)
     description.structure.m = cluster.m
-    description.reals(scale=space.D)
+    description.reals(scale=space.D)  # in the cluster's own dimensionless coordinates
     description.integers(independent=cluster.chosen)
     part = Arrays(Cluster(phi_size=space.phi_size))
     part.another("loops", description)

@@ -64,5 +64,6 @@ def torque_differences(
         1 for angles, a length for lengths: over which τ bends noticeably.
     """
     by_q = differences(lambda dq: torque(tree.integrate(q, dq), v), np.zeros_like(v), units, central=True)
+    # at high speed τ bends over that speed, and steps for 1 rad/s would be rounding
     by_v = differences(lambda w: torque(q, w), v, np.maximum(units, np.abs(v)), central=True)
     return by_q, by_v

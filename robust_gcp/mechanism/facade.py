@@ -144,7 +144,7 @@ class Above(Coordinates):
         from ..kernel.constraint.assembling import lifted
 
         done = lifted(self, many, v, self.iv_dependent)
-        for i in range(len(many)) if done is None else np.flatnonzero(~done):
+        for i in range(len(many)) if done is None else np.flatnonzero(~done):  # `G` says why it cannot be
             with at_row(int(i)):
                 v[i] = self.G(many[i]) @ v[i, self.iv_independent]
         return v

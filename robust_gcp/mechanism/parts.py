@@ -246,7 +246,7 @@ def parts_of_file(
     if limits:
         ranges = ranges_of(loops)
         for joint, *bounds in zip(ranges.names, ranges.low.tolist(), ranges.high.tolist(), strict=True):
-            low, high = (bound if math.isfinite(bound) else None for bound in bounds)
+            low, high = (bound if math.isfinite(bound) else None for bound in bounds)  # an open end
             found.append(Stop(joint, lower=low, upper=high, restitution=bounce.get(joint, 0.0)))
     if friction:
         dry = loops.own_model.upperDryFrictionLimit

@@ -78,6 +78,7 @@ def own_derivation(
         "it knows no slopes of forces of one's own and of springs along tendons; as torque functions it does"
     )
     try:
+        # one choice of rows of φ, whichever state asks first
         if applied is None or applied.has_slopes:
             path = mechanism.memo.once(
                 "regular path of derivatives", lambda: _begun(mechanism, q, v, mode).explicit.path

@@ -76,7 +76,7 @@ class StateDerivatives:
         several = any(len(cluster.inputs) > 1 for cluster in mechanism.clusters)
         # a torus takes a second or two, a circle a third of one
         self._zone, self._steady = (SPARED, UNSTEADY) if several else (ZONE, STEADY)
-        self._left_over = mechanism.nc > path.nd
+        self._left_over = mechanism.nc > path.nd  # rows that the square K_d leaves out
         self._turns = any(row.axis == ROTATION for row in rows_of(mechanism.loops))
         still = still_inputs(mechanism)
         if len(still) < len(mechanism.still):

@@ -81,7 +81,7 @@ def weighed(mechanism: Mechanism, q: Array, v: Array, a: Array, weights: Array) 
         return None
     found, structure = described
     rows = [np.ascontiguousarray(part) for part in (q, v, a, weights)]
-    sums = np.zeros(10 * len(mechanism.joints) + 3)
+    sums = np.zeros(10 * len(mechanism.joints) + 3)  # of bodies, then of gravity
     found.weigh(structure, len(q), *map(address, (*rows, sums)))
     turned = mechanism.memo.once("sums by π in own frames", lambda: _turned(mechanism))
     return np.einsum("jab,jb->ja", turned, sums[:-3].reshape(-1, 10)), sums[-3:]

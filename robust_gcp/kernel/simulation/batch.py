@@ -39,6 +39,7 @@ def counted(request: Request) -> dict[str, int]:
 def crossings(request: Request, nq: int, numbers: NDArray[np.int64]) -> list[Crossing]:
     """What was passed last; `numbers` are the places of y in q."""
     shape = (int(request.logged), 8 + nq)
+    # a copy: the kernel writes its next log there
     log = np.ctypeslib.as_array(ctypes.cast(request.log, ctypes.POINTER(ctypes.c_double)), shape).copy()
     return [
         Crossing(

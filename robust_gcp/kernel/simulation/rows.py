@@ -126,7 +126,7 @@ class MotionRows:
         self._ydd[i], trackers = standing.ydd, standing.trackers
         self.set_watch(i, standing.watch or self._first)
         if trackers is not None:
-            self._numbers[i] = trackers
+            self._numbers[i] = trackers  # kept, as the kernel reads them where they are
             self._trackers[i] = address(trackers) or 0
             self._alone(i)
             self.in_zone[i] = True
@@ -137,7 +137,7 @@ class MotionRows:
         """A place for `put`."""
         anchor = np.zeros(self.layout.size)
         self.layout.pack(now.point, anchor)
-        size = 2 * self.mechanism.m
+        size = 2 * self.mechanism.m  # rows count no work done
         origin = self.layout.origin(now.point)
         return Standing(x[:size].copy(), anchor, origin, now.ydd.copy(), trackers, watch)
 
@@ -190,7 +190,7 @@ class MotionRows:
         state.left[which], state.status[which] = steps, Reason.DONE
         if self._straight is None and self._worth(len(which) * steps):
             self._straight = straight_steps(self.mechanism, self._described())
-        if not callable(self._straight):
+        if not callable(self._straight):  # a reason in words, or not tried yet
             self._by_kernel(which, pool)
             return
         while len(which):

@@ -179,9 +179,9 @@ class NativeSteps:
             prescribed = self._drive.stages(times[: n + 1], workspace.shares)
             if len(prescribed) < min(2, n + 1):  # not even the first step: Python tells what is wrong in it
                 return None
-            n = len(prescribed) - 1
+            n = len(prescribed) - 1  # as far as the drive could be asked
         sizes, inside = (mechanism.nq, mechanism.nv, wanted, driven), None
-        if within is not None and workspace.looks_within and control is None:
+        if within is not None and workspace.looks_within and control is None:  # with it steps end elsewhere
             before = within[1][: n + 1]
             at = within[0][: before[-1]]
             told = None if self._drive is None else self._drive.stages(at, (0.0,))

@@ -143,7 +143,7 @@ class Workspace:
         self._choices.make(zone, options, watch, control=control)
         self.shared.x[:], self.shared.ydd[:] = x, now.ydd
         self.shared.tau[:] = 0.0 if now.tau is None else now.tau
-        if now.point is self.latest:
+        if now.point is self.latest:  # the very point: nobody has used the kernel since
             r.beginning = Beginning.GO_ON
         else:
             self._begin_at(now.point, trackers)

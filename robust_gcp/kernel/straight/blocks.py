@@ -85,6 +85,7 @@ class Blocks:
         """x of the dependent velocities with K_d x = right, by velocity."""
         x: dict[int, Traced] = {}
         for rows, columns, _, adjugate, inverse in self.blocks:
+            # block lower triangular: only joints of earlier blocks are in these rows besides
             f = [right[r] - total([self.K[r][j] * known for j, known in x.items()]) for r in rows]
             found = [total([a * b for a, b in zip(row, f, strict=True)]) * inverse for row in adjugate]
             x |= dict(zip(columns, found, strict=True))

@@ -19,7 +19,7 @@ from ..structures import Arrays
 from .blocks import Numbers, described
 from .stage import Stage
 
-# for this processor alone, which `_processor` tells: folders may be shared by machines
+# for the vectors of this processor alone, which `_processor` tells: machines may share a folder
 FLAGS = ("-std=c++17", "-O3", "-march=native", "-fno-math-errno", "-fPIC", "-shared", "-w")
 
 SWITCH = "ROBUST_GCP_COMPILE"

@@ -165,7 +165,7 @@ class Stage(Kinematics):
         """L D Lᵀ ÿ = f."""
         m, f = self.d.m, list(f)
         D, L = [M[0][0]] * m, [[self.tape.constant(0.0)] * m for _ in range(m)]
-        sound = self.tape.constant(np.inf)
+        sound = self.tape.constant(np.inf)  # the least of all pivots' margins: one number to test
         for a in range(m):
             for b in range(a):
                 L[a][b] = (M[a][b] - total([L[a][n] * L[b][n] * D[n] for n in range(b)])) / D[b]

@@ -69,7 +69,7 @@ class Wrap:
         if np.abs(turn @ turn.T - np.eye(3)).max() > 1e-6:
             raise ModelError(f"Wrap on {self.frame!r}: rotation is no rotation matrix")
         object.__setattr__(self, "position", tuple(place))
-        object.__setattr__(self, "rotation", tuple(map(tuple, turn.tolist())))
+        object.__setattr__(self, "rotation", tuple(map(tuple, turn.tolist())))  # hashable, as paths are keys
 
 
 @dataclass(frozen=True)

@@ -86,7 +86,7 @@ def _round(a: Array, b: Array, radius: float, side: Array | None) -> tuple[Array
     if min(aa, bb) < square or radius < TINY or dd < TINY:  # from inside there is no tangent
         return None
     around = side is not None and _is_between(side, -a, -b)
-    nearest = a + min(max(-float(d @ a) / dd, 0.0), 1.0) * d
+    nearest = a + min(max(-float(d @ a) / dd, 0.0), 1.0) * d  # of the piece between them, not of its line
     if nearest @ nearest > square and not around:
         return None
     clockwise = (float(a[0] * b[1] - a[1] * b[0]) < 0.0) != around

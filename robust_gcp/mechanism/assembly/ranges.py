@@ -211,7 +211,7 @@ def _drawn_inside(loops: ClosedLoops, guess: Array, free: Index, ranges: Ranges)
             q = assembled(loops, start, free, "", (0.0,), lambda q: ranges.rows(loops.nv, q))
         except ClosureError:
             continue
-        if not ranges.outside(q):  # least squares may have left a joint at some distance from its range
+        if not ranges.outside(q):  # closing φ alone, at the end, may lead out again
             return q
     return None
 

@@ -88,7 +88,7 @@ class _Graph:
         self._bodies = {WORLD: Body(WORLD, pin.SE3.Identity())} | {body.name: body for body in bodies}
         self._require_names([body.name for body in bodies], joints)
         self._parts = {body: body for body in self._bodies}
-        order = sorted(joints, key=_lateness)
+        order = sorted(joints, key=_lateness)  # a stable sort: equal ones as the file has them
         self._standing: list[str] = []
         if base == "free":
             order = self._freed(order)
@@ -106,7 +106,7 @@ class _Graph:
         """Add all joints to the model, depth first: Pinocchio's crba is wrong for others."""
         numbers: list[Array] = []
         self._grow(WORLD, contents, numbers)
-        led = {joint.child for joint in self._tree}
+        led = {joint.child for joint in self._tree}  # a floating tree is rooted where no joint leads to
         for first in [b for b in self._bodies if b not in led] + list(self._bodies):
             if first not in self._places:
                 kind = "fixed" if self._base == "fixed" else "free"
@@ -213,6 +213,7 @@ class _Graph:
         place = place * inner
         one, other, moved = self._bodies[near].pose, self._bodies[far].pose, pin.SE3.Identity()
         if one is not None and other is not None:
+            # as drawn, from the joint's frame on one to that on the other
             moved = (one * inner).actInv(other * outer)
         for number, letter in enumerate(chain):
             place_in_it = number + 1 if forward else len(chain) - number

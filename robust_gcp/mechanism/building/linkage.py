@@ -283,7 +283,7 @@ class Linkage:
         child = pin.SE3(np.eye(3), ends[1][1])
         if axis2 is not None:
             turn = pin.Quaternion.FromTwoVectors(axes[0], direction(axis2, f"{where}: axis2"))
-            child.rotation = turn.toRotationMatrix()
+            child.rotation = turn.toRotationMatrix()  # the least turn, where many would do
         links = [WORLD if link == GROUND else link for link, _ in ends]
         self._joints[label] = BodyJoint(
             label, kind, links[0], links[1], pin.SE3(np.eye(3), ends[0][1]), child, axes

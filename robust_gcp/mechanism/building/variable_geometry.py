@@ -86,6 +86,7 @@ class Varied:
             if np.linalg.svd(K[:, dependent], compute_uv=False).min(initial=np.inf) < SINGULAR:
                 continue  # there K reaches less
             reached, apart = K[:, self.iv], K[:, columns]
+            # what no joint makes up for
             apart = apart - reached @ np.linalg.lstsq(reached, apart, rcond=RANK)[0]
             # the least over all places: conditioning makes rounding larger at some
             left = np.minimum(left, np.abs(apart).max(axis=0, initial=0.0) / np.abs(K).max(initial=1e-300))

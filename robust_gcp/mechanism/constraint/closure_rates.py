@@ -81,7 +81,7 @@ class ClosureRates:
             points = motions.points(self.part, place.p)
             ends = np.arange(self._loops)
             apart = points.take(ends) - points.take(ends + self._loops)
-            parts.insert(0, self._between(motions, apart, place.R))
+            parts.insert(0, self._between(motions, apart, place.R))  # as rows of φ come: loops first
         whole = [np.concatenate(same) for same in zip(*(vars(part).values() for part in parts), strict=True)]
         return Products(*((part[self._rows].T * self._scale).T for part in whole))
 
@@ -89,6 +89,7 @@ class ClosureRates:
         """The rows between frames whose origins are `apart`."""
         n, loops = self._count, self._loops
         rows, closures, axes = self._straight
+        # along axes that do not turn, derivatives of a component are components of derivatives
         entries = (part[closures, ..., axes] for part in vars(apart).values())
         found = Products(*entries).summed(np.ones(len(rows)), rows, n)
 

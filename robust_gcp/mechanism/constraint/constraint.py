@@ -123,6 +123,7 @@ class ImplicitConstraint:
     def _moved(self, wrenches: Array, J: Array) -> Array:
         """Wrenches (2, rows, 6) on either body by the velocities that carry it, (rows, nv)."""
         both = np.einsum("srx,jx->srj", wrenches, J)  # without BLAS, whose last digits differ by machine
+        # of a joint that carries both bodies (0, (p₁ − p₂) × n) is left: zero where the loop is closed
         both *= self._carries
         return np.asarray(both[0] + both[1])
 
@@ -174,6 +175,7 @@ def without_zero_rows(
         tree.jacobians(q)
         constant = full.residual() / scale  # the last serves: what no joint moves is the same at all
         moved = np.maximum(moved, np.max(np.abs(full.jacobian()), axis=1, initial=0.0) / scale)
+    # a planar loop in space has such rows, which would leave K without its full rank everywhere
     used = moved > STRUCTURAL
     open_rows = np.flatnonzero(~used & (np.abs(constant) > rounded))
     if len(open_rows):

@@ -29,12 +29,13 @@ def motions(loops: ClosedLoops, q: Array) -> Array:
 def opening(loops: ClosedLoops, q: Array, v: Array) -> Array:
     """The least part of v (nv,) without which K v = 0."""
     K, scale = loops.scaled(loops.K(q)), loops.column_scale
+    # least in dimensionless velocities, not in a mixture of radians and metres
     return np.asarray(scale * np.linalg.lstsq(K, K @ (v / scale), rcond=STRUCTURAL)[0])
 
 
 def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
     """The closed configuration a little way along a direction (nv,); None where the loops do not close."""
-    size = np.abs(direction / loops.column_scale).max()
+    size = np.abs(direction / loops.column_scale).max()  # so that no joint moves by more than `NEARBY`
     near = loops.polish(loops.tree.integrate(q, direction * (NEARBY / size)), np.arange(loops.nv))
     return near if loops.closure_residual(near) <= CLOSED else None
 
@@ -42,7 +43,7 @@ def beside(loops: ClosedLoops, q: Array, direction: Array) -> Array | None:
 def rank_along(loops: ClosedLoops, q: Array, kernel: Array) -> int:
     """Largest rank of K a little way along the columns of `kernel` (nv, δ), back on the constraint."""
     found = [beside(loops, q, direction) for direction in kernel.T]
-    # Rank is least at singular places, so the largest met nearby is that of the mode.
+    # Beside a place the rank can only rise, so the largest that is met is nearest to the generic one.
     return max(
         (numerical_rank(singular_values(loops, near), RANK_NEARBY) for near in found if near is not None),
         default=0,

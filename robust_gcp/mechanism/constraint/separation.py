@@ -96,7 +96,7 @@ class Separation:
             angle = float(np.linalg.norm(pin.log3(turn)))
             if isinstance(closure, RevoluteClosure):
                 axis = np.array(closure.across()[0])
-                angle = float(np.arccos(np.clip(axis @ turn @ axis, -1.0, 1.0)))
+                angle = float(np.arccos(np.clip(axis @ turn @ axis, -1.0, 1.0)))  # rounding may lead beyond 1
             found.append((label, angle, "rad"))
         for row in (*self.in_points, *self.in_turns):
             unit = "m" if self._loops.implicit.is_length[row] else "rad"

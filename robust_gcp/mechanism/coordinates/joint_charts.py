@@ -70,7 +70,7 @@ class JointCharts:
         if not np.any(w):  # dexp(0) = I; also where each step begins
             return v
         try:
-            return np.asarray(np.linalg.solve(self.turn(origin, w), v))
+            return np.asarray(np.linalg.solve(self.turn(origin, w), v))  # without it RK4 has order 2
         except np.linalg.LinAlgError as error:
             raise NonFiniteError(
                 "a joint on a group turned by a whole turn, or no finite angle, in one step; use a smaller "

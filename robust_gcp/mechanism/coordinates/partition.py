@@ -86,7 +86,7 @@ def independent_rows(K_d: Array, count: int) -> Index:
         Dimensionless (scaled) dependent columns at a generic configuration.
     """
     if K_d.shape[0] == count:
-        return np.arange(count)
+        return np.arange(count)  # none to spare
     _, _, pivots = scipy.linalg.qr(K_d.T, mode="economic", pivoting=True)
     return np.sort(pivots[:count]).astype(np.int64)
 

@@ -139,7 +139,7 @@ class Instant:
         """Mass, centre, and the momentum about the world's origin."""
         total = pin.Force.Zero()
         for place, inertia, v, _ in self.bodies(branch):
-            total += place.act(inertia * v)
+            total += place.act(inertia * v)  # about the world's origin momenta add up
         return *self.centre(branch), total
 
     def wrench(self, branch: Branch) -> pin.Force:

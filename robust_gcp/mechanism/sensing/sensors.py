@@ -163,7 +163,7 @@ def _limit(here: Instant, sensor: Sensor) -> tuple[float, float]:
 def _carried(here: Instant, sensor: Sensor) -> tuple[Array, Array]:
     """Force and moment about its frame that a branch receives from what carries it, in the frame's axes."""
     assert sensor.spot is not None and sensor.branch is not None
-    total = here.placed(sensor.spot)[2].actInv(here.wrench(sensor.branch))
+    total = here.placed(sensor.spot)[2].actInv(here.wrench(sensor.branch))  # moments about the frame's origin
     return total.linear, total.angular
 
 
