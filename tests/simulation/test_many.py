@@ -35,7 +35,7 @@ def require_same(many: rg.Runs, mech: rg.Mechanism, starts: list[Start], **optio
         assert run.mechanism is mech
 
 
-@pytest.mark.parametrize("threads", [1, 3])
+@pytest.mark.parametrize("threads", [1, np.int64(3)])
 @pytest.mark.parametrize("name", ["crank_rocker", "five_bar", "stewart", "bricard"])
 def test_each_start_moves_as_if_alone(name: str, threads: int) -> None:
     """A loop, two coordinates, dampers that do work, redundant rows."""

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...checks import check_mechanism, listed, shown
+from ...checks import check_mechanism, check_whole, listed, shown
 from ...dynamics.equations import does_work
 from ...dynamics.loads import Torques, one_torque
 from ...dynamics.problem import initial_value_problem
@@ -111,9 +111,8 @@ def simulate_many(
     check_mechanism(mechanism, Mechanism, "simulate_many")
     pairs = listed(starts, "starts", "(q0, v0) pairs", OptionError, ())
     given = [_checked(i, pair) for i, pair in enumerate(pairs)]
-    count: Any = os.cpu_count() if threads is None else threads
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")
+    count = (os.cpu_count() or 1) if threads is None else threads
+    check_whole("threads", count, 1)
     each = _each(torque, torques, len(given))
     applied, record = one_torque(mechanism, torque), checked_record(record)
     schedule, step = planned(0.0, *mechanism.recommended.run(duration, step), None, True)

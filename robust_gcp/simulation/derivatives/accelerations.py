@@ -171,8 +171,10 @@ def answered(
     """
     missing = np.arange(len(states))
     missing = missing[~ask(missing)]
+    # other coordinates first: there K_d is well conditioned, and a series takes 0.1 to 1 s to make
     if len(missing) and states.mode is None:
         missing = np.setdiff1d(missing, list(by_others(missing)))
+    # a series about one state serves, as a rule, all that are beside the same singular place
     while len(missing) and learned(
         kernel, states.mechanism, states.q[missing[0]], states.v[missing[0]], ahead, states.mode
     ):
@@ -211,6 +213,7 @@ def _follow(
     G, dv_dy, by_tau = whole.G[which], whole.dv_dy[which], whole.da_dtau[which]
     times = np.full(len(which), t)
     by_y, by_u = followed(states.mechanism, function, slopes, (times, some.q, some.v), G, dv_dy)
+    # slopes of a user's function may be infinite, which is told by name below
     with np.errstate(all="ignore"):
         whole.da_dy[which] += by_tau @ by_y
         whole.da_dv[which] += by_tau @ by_u
@@ -225,7 +228,7 @@ def learned(
 ) -> bool:
     """Whether the kernel is told of the mode at a state, that was new to it."""
     failed = _failed(mechanism)
-    if is_alone(kernel, mechanism, q, v):
+    if is_alone(kernel, mechanism, q, v):  # a trial takes longest where it comes to nothing
         return False
     try:
         start = initial_value_problem(mechanism, q, v, mode).start
@@ -235,6 +238,7 @@ def learned(
         return False
     if _is_near(mechanism, start.point.q, start.point.G, failed):
         return False
+    # the stages of a step lie between both
     places = [q] if ahead == 0.0 else [q, mechanism.tree.integrate(q, ahead * v)]
     with suppress(RobustGcpError):  # the mode cannot be followed there
         if kernel.learn_beside(start, places):
@@ -260,6 +264,7 @@ def _is_near(mechanism: Mechanism, at: Array, along: Array, others: list[tuple[A
     """Whether a point, with its G, is beside another one, on the same way."""
     for q, G in others:
         off = np.abs(mechanism.tree.difference(q, at) / mechanism.units).max()
+        # modes that meet have the place in common, not G: one may have a series where the other has none
         if off < NEAR and np.abs(G - along).max() < NEAR * np.abs(G).max():
             return True
     return False

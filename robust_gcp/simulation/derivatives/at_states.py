@@ -11,10 +11,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from ...checks import at_row, checked_rows, is_table, shown
+from ...checks import at_row, check_whole, checked_rows, is_table
 from ...dynamics.equations import TorqueFunction, called_torque
 from ...dynamics.loads import Torques, Wrench, one_torque
-from ...errors import OptionError
 from ...kernel.derivatives.derivations import derivation
 from ...kernel.derivatives.step_derivatives import Derivation
 from ...maps.start_check import by_number, checked_mode
@@ -110,6 +109,7 @@ class AtStates:
         """All that acts, at a time, (N, nv)."""
         if self.function is None:
             return self.tau
+        # copies: what is no code of ours may write into what it gets
         found = self.function.over(np.full(len(self.q), t), self.q.copy(), self.v.copy())
         return found if self.tau is None else found + self.tau
 
@@ -129,6 +129,7 @@ class AtStates:
             return None
         if mode is not None and mechanism.m:
             own = mode[mechanism.iv_independent]
+            # y rests along this mode: no G leads from y to its tangent, and the reference says so
             if np.linalg.svd(own, compute_uv=False)[-1] <= DETERMINES * np.linalg.norm(mode):
                 return None
         return derivation(mechanism, mechanism.configuration(self.q[0]), self.v[0], mode)
@@ -144,9 +145,7 @@ def on_threads(
     OptionError
         For what is no number of threads.
     """
-    count: Any = threads
-    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise OptionError(f"threads = {shown(threads)} must be a number of threads, 1 or more")
+    check_whole("threads", threads, 1)
     if threads == 1 or len(states) < 2 * threads:
         return ask(states)
     ends = np.linspace(0, len(states), threads + 1).astype(int)

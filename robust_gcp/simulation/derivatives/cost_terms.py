@@ -89,6 +89,7 @@ class Term:
             return Along(values, by_y, np.einsum("sn,snm->sm", by[1], G), by[2])
         function = self.function
         assert function is not None  # asked only where there is one
+        # a function of one state may take arrays and mean another thing: q @ q of all is the cost of none
         again = at_once(function, states)
         same = again is not None and np.abs(again - values).max() <= LIKE * np.abs(values).max()
 

@@ -60,6 +60,7 @@ class Backwards:
         slopes by the torques at each stage (4 steps, nv), where the stages are known; fourth those by
         prescribed motions (steps, 5, 3, driven), where there are some.
         """
+        # the kernel counts from the first step taken, skipped ones included
         later, earlier = (
             None if part is None else np.vstack([np.zeros((self.begin - self.taken, part.shape[1])), part])
             for part in (after, before)
@@ -108,6 +109,7 @@ def backwards(
         What the kernel's driven coordinates do.
     """
     m, nv = kernel.m, kernel.nv
+    # of each of four stages ∂u̇ by y, u and τ is kept
     length = max(1, min(LONGEST, ROOM // (4 * m * (2 * m + nv))))
     taken = max(first, end - length)
     if taken == end:
@@ -118,6 +120,7 @@ def backwards(
     told = None if drive is None else drive.stages(states[0], STAGES)
     found = kernel.take(*states, held, function=function, staged=staged, prescribed=told)
     bad = np.flatnonzero(~found.good)
+    # backwards, only what lies behind the last refused step is ready; the rest waits until that is passed
     skipped = int(bad[-1]) + 1 if len(bad) else 0
     if taken + skipped >= end:
         return None

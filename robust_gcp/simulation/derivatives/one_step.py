@@ -236,6 +236,7 @@ def _by_reference(
         _write(differentiated(mechanism, state, mode, acts, t, h), i, after)
         return
     left_to_python(mechanism, "single steps")
+    # from 0 on: between t and t + h lies h but for rounding, which would be another step
     acting = torque if function is None else lambda s, q, v: function(t + s, q, v)
     run = simulate(mechanism, *state, duration=h, step=h, torque=acting, mode=mode)
     after.q[i], after.v[i] = run.q[-1], run.v[-1]

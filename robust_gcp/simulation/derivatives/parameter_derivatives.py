@@ -96,6 +96,7 @@ def _by_placements(states: AtStates, names: list[str], h: float | None, t: float
     at = wide.mechanism, wide.q(states.q), wide.v(states.v), acting
     with beside_singular(wide, "by_parameters"):
         if h is None:
+            # there placements are coordinates: ∂u̇ by them is some columns of ∂u̇/∂y
             return derivatives(*at, t=t).da_dy[:, wide.own][:, :, wide.more]
         A = step(*at, h, jacobians=True).A
     assert A is not None  # it was asked for
@@ -106,6 +107,7 @@ def _by_numbers(states: AtStates, names: list[str], t: float) -> Array:
     """∂u̇/∂p of masses and the like, (N, m, k)."""
     parameters, tau = Parameters(states.mechanism, names), states.given[0]
     found = derivatives(states.mechanism, states.q, states.v, tau, t=t)
+    # a = G u̇ + g with g = ∂v/∂y u; a parameter then acts as torques ∂(τ − M a − C)/∂p do
     a = np.einsum("nij,nj->ni", found.G, found.udot)
     a += np.einsum("nij,nj->ni", found.dv_dy, states.v[:, states.mechanism.iv_independent])
     moved = [parameters.torques(*state) for state in zip(states.q, states.v, a, strict=True)]

@@ -26,7 +26,7 @@ SAME_TIME = 1e-12
 SAME = 1e-7
 """How far a step that is taken again may end from the recorded state: rad or lengths, and relative for v."""
 
-SAME_WITHIN = 1e-4
+SAME_WITHIN = 1e-4  # a kite at 10 ms errs by more than 1e-7 there
 """The same of the end within a step at which an event ended the run, which is on the step's polynomial."""
 
 ALIKE = 1e-6
@@ -118,7 +118,7 @@ def require_steps(run: Trajectory, mode: ArrayLike | None, call: str) -> ArrayLi
 
 def require_answers(run: Trajectory, function: CheckedTorque, table: Array) -> None:
     """Refuse a function that does not give, at the beginning of each step, what was held over it."""
-    for t, q, v, held in zip(run.t, run.q, run.v, table, strict=False):
+    for t, q, v, held in zip(run.t, run.q, run.v, table, strict=False):  # at the last output no step begins
         given = function(float(t), q, v)
         if np.abs(given - held).max() > ALIKE * (1.0 + np.abs(held).max()):
             raise OptionError(
@@ -148,6 +148,7 @@ def require_end(
     t, q, v = wanted
     off = np.abs(mechanism.tree.difference(q, found[0])) / mechanism.units
     fast = np.abs(found[1] - v) / mechanism.units / (1.0 + np.abs(v).max(initial=0.0))
+    # not >=, which lets NaN pass
     if not max(off.max(initial=0.0), fast.max(initial=0.0)) < same:
         raise OptionError(
             f"gradient: taken again, the step of RK4 to t = {t:.6g} s ends {off.max():.1e} rad or "
@@ -168,6 +169,7 @@ def coordinates_of(run: Trajectory) -> list[tuple[int, Mechanism]]:
     found = [(0, run.mechanism)]
     for t, names in run.stats.repartitions:
         at = int(np.argmin(np.abs(run.t - t)))
+        # coordinates that were changed again at the same output took no step
         found = [part for part in found if part[0] < at] + [(at, run.mechanism.with_independent(names))]
     return found
 

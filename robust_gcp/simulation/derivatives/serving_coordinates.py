@@ -46,6 +46,7 @@ def serving(mechanism: Mechanism, point: Point) -> Mechanism | None:
     point : Point
         Of a motion in the mechanism's coordinates.
     """
+    # unevenness is a fault of steps; at one state conditioning alone counts
     names = Coordinates(mechanism, mechanism.independent, Counters(), even=False).better(point)
     if names is None:
         return None
@@ -86,6 +87,7 @@ def parametrises(mechanism: Mechanism, G: Array) -> bool:
     """Whether a mechanism's own coordinates, however poor, are some of a motion with this G."""
     own = mechanism.iv_independent
     sizes = np.linalg.svd(G[own] / mechanism.units[own, None], compute_uv=False)
+    # below, W = (G[C])⁻¹ would cost more than three digits
     return bool(sizes[-1] > SHARE * np.abs(G / mechanism.units[:, None]).max())
 
 

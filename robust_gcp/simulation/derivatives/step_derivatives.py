@@ -118,14 +118,14 @@ def step_by_kernel(
         q[-1], v[-1] = end
     tau = None if acting.torque is None else np.tile(np.asarray(acting.torque, dtype=float), (count, 1))
     if same is None:
-        same = np.inf if end is None else SAME
+        same = np.inf if end is None else SAME  # with no end told there is nothing to compare
     taken = kernel.take(np.linspace(0.0, h, count + 1), q, v, tau, same, zone, steady=steady)
     if not taken.good.all():
         return None
     A, B, *_ = kernel.pull(0, count, np.eye(2 * kernel.m))
     first, last = (Slope(taken.G[i], taken.dv_dy[i]) for i in (0, -1))
     none, ends = np.zeros((len(A), 0)), end or (taken.q[-1], taken.v[-1])
-    return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)
+    return Moved(A, B.sum(axis=0), none, mechanism, mechanism, first, last, *ends)  # τ is held over all parts
 
 
 def parts_by_kernel(
@@ -162,7 +162,7 @@ def _extrapolated(whole: Moved, halves: Moved) -> Moved:
     tree = halves.begun.tree
 
     def beyond(one: Array, other: Array) -> Array:
-        return np.asarray(other + (other - one) / 15.0)
+        return np.asarray(other + (other - one) / 15.0)  # 2⁴ − 1: halves err by a sixteenth
 
     q = tree.integrate(halves.q, tree.difference(whole.q, halves.q) / 15.0)
     A, B = beyond(whole.A, halves.A), beyond(whole.B, halves.B)
@@ -210,7 +210,7 @@ class Follower:
     def by_parts(self, h: float) -> Moved:
         """Parts of a step, each halved until whole and halves agree."""
         end, part, found = self._t + h, h, None
-        while end - self._t > 1e-12 * h:
+        while end - self._t > 1e-12 * h:  # parts add up to h but for rounding
             part = min(part, end - self._t)
             more = self._halves(part, part <= SMALLEST * h)
             if more is None:
@@ -234,7 +234,7 @@ class Follower:
         begun, anchor = (self._t, self._x), explicit.anchor
         try:
             whole = self.whole(h)
-            (self._t, self._x), explicit.anchor = begun, anchor
+            (self._t, self._x), explicit.anchor = begun, anchor  # else halves begin where the whole went
             halves = self.whole(0.5 * h).then(self.whole(0.5 * h))
             self._apart = _apart(self._motion.mechanism, whole, halves)
             if last or self._apart < AGREE:

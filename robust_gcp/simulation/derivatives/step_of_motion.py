@@ -107,6 +107,7 @@ class Moved:
             A, B, P = (last.change(own) @ part for part in (A, B, P))
             last = last.seen_in(own)
         if self.begun is not mechanism:
+            # from the right: A takes δ(η, u) of the start, W⁻¹ δ(η', u')
             A = np.linalg.solve(first.change(own).T, A.T).T
             first = first.seen_in(own)
         return Moved(A, B, P, mechanism, mechanism, first, last, self.q, self.v)
