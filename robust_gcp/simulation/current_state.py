@@ -85,6 +85,7 @@ class Present:
         name = as_name(name)
         if name in self.mechanism.joint_names or name.startswith(("q.", "v.")):
             q, v = self._run.state
+            # no name of these asks for a, which would have to be computed: v stands in its place
             return Sample(self.mechanism, np.array(self.t), q.copy(), v.copy(), v)[name]
         if name.startswith(SENSOR):
             return self._sensed(name.removeprefix(SENSOR))

@@ -216,8 +216,9 @@ class Events:
         """Which functions became or passed zero, in a direction that counts, after the time `left`."""
         found = []
         for k, (a, b) in enumerate(zip(before.tolist(), after.tolist(), strict=True)):
+            # a zero at the end of a step counts there, and not where the next step begins with it
             rises, falls = a < 0.0 <= b, a > 0.0 >= b
-            if a == 0.0 and left == self._start:
+            if a == 0.0 and left == self._start:  # no step came before that could have told it
                 rises, falls = b > 0.0, b < 0.0
             way = self.asked[k].direction
             if (rises and way >= 0.0) or (falls and way <= 0.0):
@@ -228,6 +229,7 @@ class Events:
         ends = {step.t0: float(before[k]), step.t1: float(after[k])}
 
         def value(t: float) -> float:
+            # at the ends what was seen: the polynomial rounds there, and may have lost the change of sign
             return ends[t] if t in ends else _value(self.asked[k], k, t, *step.state(t))
 
         xtol = 4.0 * float(np.spacing(max(abs(step.t0), abs(step.t1))))

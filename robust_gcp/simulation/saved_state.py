@@ -67,7 +67,7 @@ class SavedState:
     __slots__ = ("_of", "_parts", "_run", "_start", "_told")
 
     def __init__(self, simulation: object, run: Run, start: StartState) -> None:
-        self._of, self._told = weakref.ref(simulation), repr(simulation)
+        self._of, self._told = weakref.ref(simulation), repr(simulation)  # states keep no simulation
         self._run, self._parts, self._start = run, run.copied(), start
 
     def run_of(self, simulation: object) -> Run:

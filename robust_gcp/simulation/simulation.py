@@ -190,6 +190,7 @@ class Simulation(Present):
         if ctrl is not None:
             self._ctrl = held_controls(self._plan.mechanism, ctrl, self._ctrl)
         powered = self._ctrl is not None
+        # wrenches follow the state, and activations go on from step to step: held anew at each
         single = self._loads is not None or (powered and self._held.stride)
         at_once = 1 if single else left if self._plan.keep.all else ROOM
         try:

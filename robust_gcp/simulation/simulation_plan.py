@@ -87,6 +87,7 @@ class StepwisePlan:
         held, none = self.held, np.zeros(self.mechanism.nv)
         t0 = self.t0 if saved is None else saved.t
         active = None if saved is None or saved.driven is None else saved.driven[1]
+        # without a value before it the first one begins with the actuators' own activations
         before, held.value = held.value, none[:0]
         held.value = held.row(none, ctrl, (t0, t0 + self.step), active)
         try:

@@ -111,6 +111,7 @@ def _in_the_mechanisms(
 ) -> tuple[Array, Array]:
     try:
         return step_jacobians(mechanism, q, v, tau, step)
+    # one row that is refused refuses all: then each is asked by itself
     except RobustGcpError:
         if len(q) > 1:
             rows = [

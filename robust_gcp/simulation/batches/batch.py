@@ -119,9 +119,9 @@ class Batch:
         self._state = RowState.room(int(N), self._step, mechanism.nq, mechanism.nv, width)
         kernel = chosen_library("auto", "bridge", "tangent")
         self._rows = BatchRows(kernel, mechanism, self._simulation, self._state, int(threads))
-        self._power(ctrl)
+        self._power(ctrl)  # before rows begin: some do by simulations, under these
         self.reset(None, q0, v0, mode=mode)
-        self._rows.specialise(specialise)
+        self._rows.specialise(specialise)  # coordinates are known once a row is there
 
     def __len__(self) -> int:
         return len(self.status)

@@ -49,6 +49,7 @@ def together(
         Of so many.
     """
     steps, held = len(times) - 1, HeldTorque(mechanism)
+    # compiling pays above `MANY` only, and activations would have to be integrated too
     if len(starts) * steps < MANY or held.stride:
         return
     count = max(threads, min(len(starts), AT_ONCE // (steps * (mechanism.nq + mechanism.nv))))

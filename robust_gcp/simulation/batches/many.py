@@ -153,7 +153,7 @@ def simulate_many(
         for future in [pool.submit(one, i) for i in sorted(left)]:
             future.result()
     finally:
-        given_up.set()
+        given_up.set()  # what runs on threads cannot be cancelled, and looks at this
         pool.shutdown(wait=True, cancel_futures=True)
     return runs
 
@@ -270,11 +270,11 @@ class _Plain(threading.local):
     ) -> Iterator[tuple[int, Trajectory]]:
         """Those of (number, q0, v0) that come to their end side by side, where there is nothing to record."""
         mechanism, times, last = self._mechanism, self._times, len(self._times) - 1
-        if self._redundant or self._wanted:
+        if self._redundant or self._wanted:  # these look at no rows of φ, and record nothing
             return
         space, torque = self._workspace, self._torque
         for i, q, v in together(mechanism, space.library, space.path, starts, torque, times, threads, pool):
-            stats = Stats(rhs=1 + 4 * last, native_steps=last)
+            stats = Stats(rhs=1 + 4 * last, native_steps=last)  # of the start and the stages
             run = Trajectory(mechanism, times.copy(), q, v, stats=stats, acted=self._acted)
             self._coarse.judge(run)
             yield i, run

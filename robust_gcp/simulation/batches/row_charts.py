@@ -64,6 +64,7 @@ class BatchCharts:
         """So many steps of some rows; those that the kernel gave up before."""
         state, given_up, of = self._state, list[int](), self.of[which]  # where they begin
         for c in np.unique(of[of != NOWHERE]).tolist():
+            # one call for all rows in these; those that leave them on the way come to their end one by one
             rows, chart = which[of == c], self._charts[c]
             chart.advance(rows, n, pool)
             given_up += [i for i in rows[state.status[rows] != Reason.DONE].tolist() if not self._ends(i)]
@@ -171,6 +172,7 @@ class BatchCharts:
         look = Coordinates(chart.mechanism, self._named.independent, Counters())
         look.watch = watch
         names = look.better(chart.point(i))
+        # those present are the best: looked at again when they are worse by some way
         if names is None:
             chart.set_watch(i, look.watch)
             return True

@@ -97,6 +97,7 @@ class BatchRows:
         state, key = self._state, _key(start)
         known = self._last is not None and key == self._last[0]
         place = self._last[1] if self._last is not None and known else self._charts.begun(start)
+        # made before anything is written: where it raises the row is as it was
         simulation = None if place is not None else self._made(start, t0, i, self._begun)
         self._begun = True
         state.t0[i], state.at[i], state.left[i], state.passed[i], self._before[i] = t0, 0, 0, 0, 0
@@ -183,13 +184,13 @@ class BatchRows:
         try:
             try:
                 self._alone[i] = self._made((*place, None), self._time(i), i, True)
-            except SingularStartError:
+            except SingularStartError:  # v tells no mode, as at rest
                 self._alone[i] = self._made((*place, tangent), self._time(i), i, True)
         except RobustGcpError as error:
             return error
         self._before[i], run = state.passed[i], self._alone[i]._run
         if isinstance(run, SteppedRun):
-            run.goes_on((self._safe.best(i), False))
+            run.goes_on((self._safe.best(i), False))  # good is relative to the best so far
         return self._by_simulation(i, steps)
 
     def _by_simulation(self, i: int, steps: Iterable[tuple[int, Array]]) -> RobustGcpError | None:
@@ -201,7 +202,7 @@ class BatchRows:
                 begun, controls = simulation.t, held[nv:]
                 powered = len(controls) and not np.isnan(controls).any()
                 if n:
-                    simulation.step(held[:nv], n, ctrl=controls if powered else None)
+                    simulation.step(held[:nv], n, ctrl=controls if powered else None)  # NaN: no power
                 state.at[i] += n
         except RobustGcpError as error:
             last = error.trajectory

@@ -63,6 +63,7 @@ class SafeRows:
     def look(self, which: Which, conditioning: Array) -> None:
         """The same for those of some rows that are well conditioned."""
         best = self._best[which] = np.maximum(self._best[which], conditioning)
+        # as a rule: one copy of all, and no call need be remembered
         if len(which) == len(self._best) and conditioning.min() >= POOR:
             self._first += len(self._calls)
             self._calls.clear()

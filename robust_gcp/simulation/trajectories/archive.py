@@ -24,7 +24,7 @@ def write_whole(path: Path, fill: Callable[[io.BufferedWriter], object]) -> Path
     OptionError
         Where the system does not take it: no such folder, no permission, no room on the disk.
     """
-    beside = path.with_name(f".{path.name[:100]}.{os.getpid()}")
+    beside = path.with_name(f".{path.name[:100]}.{os.getpid()}")  # names have 255 bytes at most
     try:
         try:
             with beside.open("wb") as file:

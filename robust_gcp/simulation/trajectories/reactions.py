@@ -187,6 +187,7 @@ class Loaded:
         for i, (q, v, a) in enumerate(zip(self.q, self.v, self.accelerations(), strict=True)):
             pin.forwardKinematics(model, data, q)
             outer = [pin.Force.Zero() for _ in range(model.njoints)]
+            # Pinocchio takes outer forces about the joint's origin, in its axes
             for _, carrier, point, own, about in pushes(i):
                 outer[carrier] += data.oMi[carrier].actInv(pin.Force(own, about + pin.skew(point) @ own))
             pin.rnea(model, data, q, v, a, pin.StdVec_Force(outer))

@@ -126,6 +126,7 @@ def _pressed(loaded: Loaded, sensor: Sensor) -> Array:
             f"sensor {sensor.name!r}: the stop that stands for its limit was not in this run; leave joints= "
             "out, or give it joints=[*mech.parts, ...]"
         )
+    # the tendon's length is arm times the stop's row: its force is that of the row over arm
     return np.asarray(np.abs(loaded.stops[own[0]]) / abs(arm))
 
 
