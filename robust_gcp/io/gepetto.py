@@ -27,6 +27,12 @@ UNIVERSAL = {f"UJOINT_{a}{b}": (a, b) for a, b in itertools.permutations("XYZ", 
 SHORT = {"UJOINT": "UJOINT_XY", "CARDAN": "UJOINT_XY"}
 """Names without axes; CARDAN is what older folders write."""
 
+OF_VELOCITIES = (
+    *("armature", "damping", "lowerDryFrictionLimit", "upperDryFrictionLimit"),
+    *("lowerEffortLimit", "upperEffortLimit", "lowerVelocityLimit", "upperVelocityLimit"),
+)
+"""What a model holds of a joint that is kept, one number a velocity."""
+
 TYPES = ("SPHERICAL", "UJOINT_XY", "UJOINT_YZ", "UJOINT_ZX", "…", "FIXED")
 
 
@@ -139,5 +145,5 @@ def _copy_joint_data(model: pin.Model, old: int, changed: pin.Model, new: int) -
     iv, jv = (slice(j.idx_v, j.idx_v + j.nv) for j in (before, after))
     for name in ("lowerPositionLimit", "upperPositionLimit"):
         getattr(changed, name)[jq] = np.asarray(getattr(model, name))[iq]
-    for name in ("armature", "damping", "lowerDryFrictionLimit", "upperDryFrictionLimit"):
+    for name in OF_VELOCITIES:
         getattr(changed, name)[jv] = np.asarray(getattr(model, name))[iv]

@@ -143,6 +143,7 @@ def test_joints_that_stay_keep_their_data(tmp_path: Path) -> None:
     model = rg.load(folder(tmp_path)).model
     assert model.damping.tolist() == [0.5, 0.0, 0.0, 0.5]
     assert model.upperPositionLimit[[0, 3]].tolist() == [3.0, 3.0]
+    assert model.upperEffortLimit[[0, 3]].tolist() == [1.0, 1.0]
 
 
 def test_folders_without_joint_lists_load(tmp_path: Path) -> None:

@@ -274,6 +274,22 @@ def test_kinematic_bodies_stand_still_and_are_told(tmp_path):
     assert "motion of kinematic bodies (rocker)" in contents.left_out
 
 
+def test_a_body_that_has_the_name_of_a_kinematic_one_moves(tmp_path):
+    fixture = """    def Xform "fixture"
+    {
+        def Xform "crank" ( prepend apiSchemas = ["PhysicsRigidBodyAPI"] )
+        {
+            bool physics:kinematicEnabled = 1
+        }
+    }
+"""
+    text = four_bar()
+    at = text.index("    def PhysicsRevoluteJoint")
+    contents = read_usd(written(tmp_path, text[:at] + fixture + text[at:]))
+    assert contents.model.nv == 3
+    assert "motion of kinematic bodies (/bar/fixture/crank)" in contents.left_out
+
+
 def test_spoilt_files_are_refused_by_typed_errors(tmp_path):
     rng, base = random.Random(0), four_bar()
     numbers = ("nan", "-1", "1e300", "0", "inf")

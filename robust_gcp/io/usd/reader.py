@@ -111,7 +111,7 @@ class _Stage:
         self._title = stage.GetDefaultPrim().GetName() if stage.HasDefaultPrim() else path.stem
         has = UsdPhysics.RigidBodyAPI
         self._bodies = [p for p in self._prims if p.HasAPI(has) and self._on(p, "physics:rigidBodyEnabled")]
-        self._still = [p.GetName() for p in self._bodies if value_of(p, "physics:kinematicEnabled", False)]
+        self._still = [p for p in self._bodies if value_of(p, "physics:kinematicEnabled", False)]
         names = [p.GetName() for p in self._prims if p in self._bodies or p.IsA(UsdPhysics.Joint)]
         self._twice = {name for name in names if names.count(name) > 1}
 
@@ -119,7 +119,7 @@ class _Stage:
         bodies = [
             Body(self._name(p), self.pose(p), inertia_of(p, self))
             for p in self._bodies
-            if p.GetName() not in self._still
+            if p not in self._still
         ]
         joints = [
             self._joint(p)
@@ -138,7 +138,7 @@ class _Stage:
         contents.left_out += named("drives of joints", drives)
         contents.left_out += named("limits of joints", [j.name for j in joints if j.range is not None])
         contents.left_out += named("contacts of bodies", self._with("PhysicsCollisionAPI"))
-        contents.left_out += named("motion of kinematic bodies", self._still)
+        contents.left_out += named("motion of kinematic bodies", map(self._name, self._still))
         contents.left_out += named("PhysX's friction and armature of joints", self._with("PhysxJointAPI"))
         return contents
 
@@ -204,7 +204,7 @@ class _Stage:
             if targets and not target:
                 raise self.fail(prim, f"body{end} names {targets[0]}, which is not there; correct it")
             body = self._carrier(target) if target else None
-            still = body is None or body.GetName() in self._still
+            still = body is None or body in self._still
             at = value_of(prim, f"physics:localPos{end}", (0, 0, 0))
             turn = rotation_of(value_of(prim, f"physics:localRot{end}", None))
             if target:
