@@ -70,6 +70,7 @@ class Rollout(Exact):
         found[0][:, 0], found[1][:, 0] = q, v
         for k in range(self.steps):
             found[0][:, k + 1], found[1][:, k + 1], *_ = batch.step(tau[:, k])
+            # a row that stopped is no state to lead on from: the whole call fails, as one by one
             for error in batch.errors.values():
                 raise error
         return tuple(found)

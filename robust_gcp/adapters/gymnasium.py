@@ -135,6 +135,7 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         over, given = self._over.copy(), np.clip(np.asarray(actions, dtype=float), -1.0, 1.0)
         if given.shape != (self.num_envs, len(self._by)):
             raise OptionError(f"actions have shape {given.shape}, expected {(self.num_envs, len(self._by))}")
+        # those that are over move on too, which nobody sees: they begin anew after it
         self.batch.step(given @ self._by, self._substeps)
         if over.any():
             self._begin(np.flatnonzero(over))

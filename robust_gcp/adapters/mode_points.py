@@ -91,6 +91,7 @@ class Followed:
             around, last = self._on
             center, reach = float(around.center[0]), _reach(around)
             ends = [self._of(around, np.array([center + side * reach]), last.ydot) for side in (1.0, -1.0)]
+            # of both ends of the circle the one farther from singular: there the map needs no bridge
             self._explicit.anchor = max(ends, key=self._conditioning)
             self._on = None
         return self._explicit
@@ -145,6 +146,7 @@ class Followed:
             return True
         assert self._cluster is not None  # it has circles
         iq, iv, unit = self._cluster.iq, self._cluster.iv, self._mechanism.units
+        # modes that cross share the place: G tells which is which
         off = np.abs(here.q[iq] - around.q - around.moved(here.y)) / unit[iv]
         turned = np.abs(here.G[iv] - around.rates_at(here.y, np.ones(1)).G) / unit[iv, None]
         return bool(off.max() < SAME_PLACE and turned.max() < SAME_WAY * np.abs(here.G / unit[:, None]).max())
@@ -156,6 +158,7 @@ class Followed:
         rates = around.rates_at(y, u)
         q, g, G = here.q.copy(), here.g.copy(), here.G.copy()
         q[cluster.iq], g[cluster.iv], G[cluster.iv] = around.q + around.moved(y), rates.g, rates.G
+        # to the last bit, not to that of a sum of a series
         q[mechanism.iq_independent] = y
         return Point(y.copy(), u.copy(), q, G, g, None, here.det, here.rcond)
 

@@ -113,6 +113,7 @@ def to_independent(mechanism: Mechanism, q: Array, v: Array, on_q: Array, on_v: 
     own, others = mechanism.iv_independent, mechanism.iv_dependent
     along = on_q if mechanism.nq == mechanism.nv else times(on_q, rates(mechanism, q))
     found = np.concatenate([along[:, own], on_v[:, own]], axis=1)
+    # y and u stand for themselves: only where others are asked for are G and ∂v/∂y needed
     some = np.flatnonzero(np.any(along[:, others], axis=1) | np.any(on_v[:, others], axis=1))
     if len(some):
         at = derivatives(mechanism, q[some], v[some])
@@ -129,6 +130,7 @@ def to_state(mechanism: Mechanism, q: Array, rows: Array) -> tuple[Array, Array]
     if mechanism.nq == mechanism.nv:
         return along, on_v
     by = rates(mechanism, q)
+    # columns at right angles: over their squares they are the pseudo-inverse, δv by δq
     return times(along / np.sum(by * by, axis=1), by.transpose(0, 2, 1)), on_v
 
 

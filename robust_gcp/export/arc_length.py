@@ -39,6 +39,7 @@ def by_arc_length(mechanism: Mechanism, count: int) -> tuple[float, Array, Array
     way = v / point.units
     try:
         length = _first(point, v, way)
+        # what is missing falls as its square: 1e-8 after the first look, 1e-13 after one correction
         for _ in range(3):
             step = length / (FINER * count)
             run = simulate(point, point.home, v, duration=length, step=step)
@@ -66,6 +67,7 @@ def _first(point: Mechanism, v: Array, way: Array) -> float:
     """Where the mode comes back to home on the same way, to some digits."""
     run = simulate(point, point.home, v, duration=LONGEST, step=FIRST)
     apart = np.array([way_between(point, point.home, q) for q in run.q])
+    # other modes may lead through home as well, and this one backwards: the way must be the same
     near = np.linalg.norm(apart, axis=1) < 2.0 * FIRST
     again = np.flatnonzero(near & ((run.v / point.units) @ way > 0.9) & (run.t > 10.0 * FIRST))
     if not len(again):

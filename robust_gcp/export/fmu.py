@@ -76,6 +76,7 @@ def unit(mechanism: Mechanism, charts: Sequence[Sequence[str]], step: float, ver
     raw = io.BytesIO()
     with zipfile.ZipFile(raw, "w", zipfile.ZIP_DEFLATED) as archive:
         for path, data in files.items():
+            # one date for all: the same mechanism gives the same bytes
             archive.writestr(zipfile.ZipInfo(path, (2026, 1, 1, 0, 0, 0)), data, zipfile.ZIP_DEFLATED)
     return raw.getvalue()
 

@@ -40,7 +40,7 @@ class Image:
 
     def _room(self, raw: bytes) -> int:
         at = len(self._data)
-        self._data += raw + b"\0" * (-len(raw) % 8)
+        self._data += raw + b"\0" * (-len(raw) % 8)  # aligned for doubles where it is read
         return at
 
     def _point(self, at: int, to: int, size: int) -> None:
@@ -57,6 +57,7 @@ class Image:
             part = parts.get(name)
             if part is None and not _is_pointer(structure, name):
                 continue
+            # no address of this process in the file, whose bytes are the same each time
             own[field.offset : field.offset + field.size] = b"\0" * field.size
             if isinstance(part, Arrays):
                 self._point(at + field.offset, self._put(part), ctypes.sizeof(part.structure))

@@ -80,7 +80,7 @@ def _along(mechanism: Mechanism) -> tuple[float, Array] | None:
         except RobustGcpError:
             return None
         apart = way_between(mechanism, run.q[0], run.q[-1]) * mechanism.units
-        off = np.abs(run.v[-1] - run.v[0]).max() / np.abs(run.v).max()
+        off = np.abs(run.v[-1] - run.v[0]).max() / np.abs(run.v).max()  # home may lie on two modes
         if np.abs(apart).max() <= CLOSED and off <= CLOSED:
             return period, _terms_around(mechanism, run.q, run.v)
     return None
@@ -126,10 +126,12 @@ def _fitted(samples: Array, called: str) -> tuple[Array, float]:
     half = np.fft.rfft(samples[::2], axis=0) / (len(samples) // 2)
     half[1:] *= 2.0
     kept = len(half) - 1
+    # what half the samples do not hold, and what of it they take for lower waves
     missed = np.abs(wave[kept:]).sum(axis=0) + np.abs(wave[:kept] - half[:kept]).sum(axis=0)
     if (missed / size).max() > EXACT:
         raise ModelError(f"export: the mode of {called} has turns too sharp for tables; export .rgcp")
-    wave[np.abs(wave / size).max(axis=1) < 1e-16] = 0.0
+    wave[np.abs(wave / size).max(axis=1) < 1e-16] = 0.0  # rounding, which would only take time
+    # Chebyshev's: through even ones of this degree it errs most at the ends of a cell
     nodes = np.cos(np.pi * (np.arange(DEGREE + 1) + 0.5) / (DEGREE + 1))
     between = np.linspace(-1.0, 1.0, 5)
     for cells in CELLS:
