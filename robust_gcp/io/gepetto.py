@@ -103,6 +103,7 @@ def with_joint_changes(model: pin.Model, changes: dict[str, str], path: Path) ->
     changed.gravity = model.gravity
     changed.inertias[0] = model.inertias[0]
     index = [0]  # of the new joint that carries the body of each old one
+    # in the old order: Pinocchio's CRBA is wrong for joints that are not added depth first
     for old in range(1, model.njoints):
         name, parent = joint_names[old], index[model.parents[old]]
         kind, placement = changes.get(name, ""), model.jointPlacements[old]

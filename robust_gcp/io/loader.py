@@ -277,7 +277,7 @@ def _mechanism(
         choice = asked.independent, wanted, given is not None
         mechanism = with_coordinates(contents, loops, home, name, *choice)
     except RobustGcpError as error:
-        error.args = (f"{path}: {error.args[0]}", *error.args[1:])
+        error.args = (f"{path}: {error.args[0]}", *error.args[1:])  # its type and attributes stay
         raise
     if given is not None:
         mechanism.require_closed(mechanism.home, NEARLY_CLOSED, f"{path}: home")

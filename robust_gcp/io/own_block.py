@@ -109,6 +109,7 @@ def _moving(mechanism: Mechanism, velocity: dict[str, float]) -> Array:
     K, u = mechanism.scaled(mechanism.K(mechanism.home)), np.zeros(mechanism.nv)
     u[named] = np.array(list(velocity.values())) / mechanism.column_scale[named]
     u[free] = np.linalg.lstsq(K[:, free], -K[:, named] @ u[named], rcond=RANK)[0]
+    # least squares answer where there is no solution too
     if np.abs(K @ u).max(initial=0.0) > RANK * np.abs(u).max():
         raise ModelError(f"velocity: the loops do not let {', '.join(velocity)} move so")
     v: Array = mechanism.column_scale * u

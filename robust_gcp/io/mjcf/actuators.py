@@ -93,7 +93,7 @@ class CompiledActuators:
         poly = getattr(self._m, "actuator_dampingpoly", None)
         if what == "damping" and not (poly is not None and np.any(poly[a])):
             if not is_off(self._m, "DAMPER"):
-                self.springs.append(TendonSpring(path, 0.0, damping=value * gear**2))
+                self.springs.append(TendonSpring(path, 0.0, damping=value * gear**2))  # length = gear × path
         else:
             self.left_out.setdefault(f"{what} of actuators", []).append(label)
 
@@ -128,6 +128,7 @@ class CompiledActuators:
         several = m.actuator_actnum[a] > 1
         known = m.actuator_gaintype[a] <= MUSCLE and m.actuator_biastype[a] <= MUSCLE
         mixed = (m.actuator_gaintype[a] == MUSCLE) != (m.actuator_biastype[a] == MUSCLE)
+        # lengths that a file does not give MuJoCo finds by a simulation, which is switched off
         unmeasured = m.actuator_gaintype[a] == MUSCLE and not np.ptp(m.actuator_lengthrange[a])
         odd = mixed or late or plugged or several or unmeasured
         return bool(known and not odd) and int(m.actuator_dyntype[a]) in OF_DYNAMICS
@@ -148,7 +149,7 @@ class CompiledActuators:
         muscle = None
         if m.actuator_gaintype[a] == MUSCLE:
             force = float(gain[2])
-            if force < 0.0:
+            if force < 0.0:  # not given: MuJoCo's scale, by what acceleration 1 N makes
                 force = float(gain[3]) / max(1e-15, float(m.actuator_acc0[a]))
             muscle = Muscle(
                 tuple(m.actuator_lengthrange[a].tolist()), force, tuple(gain[:2].tolist()),

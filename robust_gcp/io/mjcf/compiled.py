@@ -78,6 +78,7 @@ def compiled(document: Document, floats: bool) -> Any:
 def _unknown(models: list[Any], floats: bool) -> list[str]:
     """Moving bodies whose masses, centres or inertias differ between the models."""
     columns = [np.hstack([m.body_mass[:, None], m.body_ipos, m.body_iquat, m.body_inertia]) for m in models]
+    # NaN, which is refused afterwards, would differ from itself
     differ = np.any(np.nan_to_num(columns[0]) != np.nan_to_num(columns[-1]), axis=1)
     still = (models[0].body_weldid == 0) | (models[0].body_mocapid[models[0].body_weldid] >= 0)
     return [models[0].body(int(b)).name or "unnamed" for b in np.flatnonzero(differ & (floats | ~still))]

@@ -115,6 +115,7 @@ def _of_tendons(m: Any, e: int, tree: CompiledTree, tendons: CompiledTendons, wh
     arms = {joint: arm for joint, arm in arms.items() if arm != 0.0}
     if not arms:
         raise ModelError(f"{where}: its tendons pull at no joint; remove it")
+    # MuJoCo counts lengths from those at qpos0
     offset = a + sum(arm * _drawn(m, tree.joints.index(joint)) for joint, arm in arms.items())
     (first, lead), *others = arms.items()
     further = [(joint, -arm / lead) for joint, arm in others]

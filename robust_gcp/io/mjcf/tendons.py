@@ -136,6 +136,7 @@ class CompiledTendons:
             if not arms:
                 continue
             (joint, arm), *others = arms
+            # the length over the first arm, whose sign may turn the range round
             row: dict[str, Any] = {"more": tuple((other, -value / arm) for other, value in others)}
             if limits and limited:
                 low, high = sorted((m.tendon_range[t] / arm).tolist())

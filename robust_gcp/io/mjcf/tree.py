@@ -226,7 +226,7 @@ class CompiledTree:
                 armature += [float(m.dof_armature[m.jnt_dofadr[j]])] * made.nv
         self._places.append((joint, place))
         self.model.addFrame(pin.Frame(self.bodies[b], joint, place, pin.FrameType.BODY), False)
-        if joint:
+        if joint:  # what stands on the ground moves no mass
             turn = _pose(np.zeros(3), m.body_iquat[b]).rotation
             inertia = turn @ np.diag(m.body_inertia[b]) @ turn.T
             mass = pin.Inertia(float(m.body_mass[b]), m.body_ipos[b].copy(), inertia)

@@ -141,7 +141,7 @@ def _body(parent: Element, part: Part, lost: Lost) -> Element:
             else:
                 made.set("armature", repr(float(part.armature[links.index((name, sort, axis))])))
     moments, axes = np.linalg.eigh(inertia.inertia)
-    axes[:, 0] *= np.linalg.det(axes)
+    axes[:, 0] *= np.linalg.det(axes)  # no mirror, which no quaternion is
     proper = np.maximum(moments, max(LEAST, THIN * moments[2]))
     short = proper[2] - proper[0] - proper[1]  # of a triangle, which rounding takes a lamina
     proper[1] += max(0.0, short + TRIANGLE * proper[2])

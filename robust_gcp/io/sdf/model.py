@@ -76,6 +76,7 @@ class ModelReader:
                 self._drawn.add(label)
             attached = {"link": "", "frame": element.get("attached_to") or MODEL}.get(element.tag)
             attached = element.findtext("child", "").strip() if attached is None else attached
+            # a joint stands in its child's frame; up to SDF 1.6 `frame` is what `relative_to` is since
             nearest = MODEL if element.tag == "link" else attached
             relative = nearest if pose is None else pose.get("relative_to") or pose.get("frame") or nearest
             self.frames.add(
@@ -150,6 +151,7 @@ class ModelReader:
         for axis in axes:
             mimic = None if axis is None else axis.find("mimic")
             if mimic is not None:
+                # q = multiplier (q_leader − reference) + offset
                 ratio = number_of(mimic, "multiplier", 1.0, where)
                 offset = number_of(mimic, "offset", 0.0, where) - ratio * number_of(
                     mimic, "reference", 0.0, where
@@ -206,6 +208,7 @@ class ModelReader:
         single = made.kind in ("revolute", "prismatic")
         for axis in axes:
             dynamics = None if axis is None else axis.find("dynamics")
+            # ±1e16 is what SDF itself says where there is no limit
             low, high = (
                 number_of(axis, f"limit/{end}", s * 1e16, where) for end, s in (("lower", -1), ("upper", 1))
             )

@@ -46,6 +46,7 @@ def coupling(root: Element, element: Element, tags: tuple[str, str, str], where:
         raise ModelError(f"{where} lacks <{tags[2]} value=…>; give the {tags[1]}'s rate over the {tags[0]}'s")
     ratio = number_in(ratio_element, "value", where)
     names = [j.get("name", "") for j in (*after, *before)]
+    # of q₁ = ratio q₂ + Σ c q: the other successors go to the right side
     further = [(n, -1.0) for n in names[1 : len(after)]] + [(n, ratio) for n in names[len(after) + 1 :]]
     return CouplingClosure(names[0], names[len(after)], ratio, more=tuple(further))
 

@@ -47,6 +47,7 @@ def inertia_of(body: Any, stage: Any) -> pin.Inertia:
         without a mass, and for numbers that are negative or not finite.
     """
     mass = float(value_of(body, "physics:mass", 0.0)) * stage.kilograms
+    # USD's defaults are 0 kg, a centre at −inf and moments of 0: none of them is a value
     centre = np.array(value_of(body, "physics:centerOfMass", (np.inf,) * 3), dtype=float)
     moments = np.array(value_of(body, "physics:diagonalInertia", (0.0,) * 3), dtype=float)
     axes = rotation_of(value_of(body, "physics:principalAxes", None))

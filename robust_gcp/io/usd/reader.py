@@ -254,6 +254,7 @@ class _Stage:
         length = float(np.linalg.norm(way))
         if not np.isfinite(length):
             raise self.fail(scenes[0], "its gravityDirection is not finite; give a vector")
+        # USD's own default is −inf: Earth's
         return (EARTH if size < 0.0 or not np.isfinite(size) else size) * (
             way / length if length else -self._up
         )
