@@ -59,7 +59,6 @@ def with_coordinates(
     place = home
     if loops.closure_residual(home) <= NEARLY_CLOSED and singular_words(loops, home):
         place = regular_near(loops, home)
-    # K_d is singular at such a home whatever serves: its rank there says nothing against them
     if (as_named or place is not home) and wanted:
         with contextlib.suppress(PartitionError):
             return Mechanism.from_contents(contents, wanted, home, name, loops)

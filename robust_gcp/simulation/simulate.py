@@ -221,6 +221,7 @@ def simulate(
         try:
             return course.run(*given, again, progress)
         except CuspError as error:
+            # taken again by phases the motion is led along the arc to the cusp itself, and ends there
             if error.arrival is None or any(refused.values()):
                 raise
     return course.through_phases(parts, *given, refused, progress)  # on a cusp's arc it has no plain steps

@@ -183,7 +183,7 @@ class BatchCharts:
         if not is_plain(mechanism):
             return False
         rest, state = rest_of(mechanism), self._state
-        path = RegularPath(rest, np.arange(rest.nc), Counters())
+        path = RegularPath(rest, np.arange(rest.nc), Counters())  # all rows: it is plain
         c = self._chart(mechanism, path, before.options, before.zone)
         if c is None:
             return False

@@ -158,7 +158,7 @@ class BatchRows:
 
     def _time(self, i: int) -> float:
         state = self._state
-        return float(state.t0[i] + state.step * state.at[i])
+        return float(state.t0[i] + state.step * state.at[i])  # no sum, whose rounding would grow
 
     def _left_open(self, which: Which) -> Iterator[Failure]:
         """Rows of which loops are open that the dependent joints cannot close."""

@@ -130,6 +130,7 @@ def _differences(
     """The first k of the slopes by y, u and τ, (k, N), all moved to each of four places at once."""
     n, nv, m = G.shape
     dq, dv, dtau = np.zeros((3, k, n, nv))
+    # η moves q along G, and v with it as u is held; u moves v alone
     dq[:m], dv[:m], dv[m : 2 * m] = (part.transpose(2, 0, 1) for part in (G, dv_dy, G))
     for j in range(k - 2 * m):
         dtau[2 * m + j, :, j] = 1.0

@@ -44,7 +44,7 @@ def by_geometry(
     """
     mech = trajectory.mechanism
     wide = varied(mech, [name for name in parameters if is_geometry(name)])
-    wide.require_closed(trajectory.q[[0, len(trajectory.t) // 2, -1]])
+    wide.require_closed(trajectory.q[[0, len(trajectory.t) // 2, -1]])  # a singular one tells nothing
     _require_no_crossing(wide, trajectory)
     acted = Acted() if trajectory.acted is None else trajectory.acted
     rows, given = is_table(torque), None
@@ -97,7 +97,7 @@ def _run(wide: Varied, run: Trajectory, acted: Acted, in_rows: bool) -> Trajecto
     held = None if acted.held is None else wide.v(acted.held)
     still = {name: Motion(0.0) for name in wide.names}
     motions = {**acted.motions, **still} if acted.motions else {}
-    changes = [(t, (*names, *wide.names)) for t, names in run.stats.repartitions]
+    changes = [(t, (*names, *wide.names)) for t, names in run.stats.repartitions]  # held ones stay so
     pushes = acted.wrenches if callable(acted.torque) else ()  # else part of what was held
     total = torque_of_all(wide, without_wrenches(acted.torque), pushes)
     wrenches = acted.wrenches if in_rows else ()  # for the refusal of a table beside them

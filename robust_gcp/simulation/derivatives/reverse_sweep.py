@@ -84,7 +84,7 @@ class ReverseSweep:
             drive = None if self._drives is None else self._drives.of(mechanism)
             kernel = kernel_of(mechanism, run, () if drive is None else drive.driven.tolist())
             while not self._begun_with_end or end > first:
-                since = max(first, refined_until(run, end))
+                since = max(first, refined_until(run, end))  # steps with error control are not RK4's
                 if since == end > first:
                     end = self._by_parts(end)
                     continue
@@ -152,7 +152,7 @@ class ReverseSweep:
             before = half[:, None] * np.hstack([first.by_y, first.by_u])
             after = half[:, None] * np.hstack([last.by_y, last.by_u])
             if feedback is not None:
-                before += np.einsum("sn,snk->sk", self._by_torque[begin:end], feedback)
+                before += np.einsum("sn,snk->sk", self._by_torque[begin:end], feedback)  # asked before it
         swept = stretch.sweep(self._adjoint, after, before, feedback)
         self._adjoint, by_torque, by_stage, by_drive = swept
         if by_drive is not None and self._drives is not None:

@@ -146,7 +146,7 @@ def parts_by_kernel(
         now = step_by_kernel(
             mechanism, state, mode, acting, h, end, count, same=SAME, zone=SPARED, steady=UNSTEADY
         )
-        if now is None:
+        if now is None:  # shorter ones may be taken
             continue
         if before is not None:
             found = _extrapolated(before, now)
@@ -199,6 +199,7 @@ class Follower:
         motion, slopes, drive = self._motion, self._slopes, self._acting.drive
         step = differentiated_step(slopes, self._t, self._x, h)
         x = np.concatenate([step.end.y, step.end.ydot])
+        # at the end of a step joints on groups begin new charts, as they do in runs
         now, x = in_new_chart(motion.explicit, motion.equations.at_point(self._t + h, step.end), x)
         last = Slope.of(slopes.derivatives_at(self._t + h, now))
         self._t, self._x, self._now = self._t + h, x, now

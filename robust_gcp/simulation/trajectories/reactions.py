@@ -160,7 +160,7 @@ class Loaded:
                 force[:, row.axis] = multipliers[:, i]
         turning = [(i, row) for i, row in own if row.axis < 0]
         for at in range(len(q) if turning else 0):
-            tree.jacobians(q[at])
+            tree.jacobians(q[at])  # of which frame_R is then
             first, second = tree.frame_R[number], tree.frame_R[len(mechanism.loops) + number]
             for i, row in turning:
                 for weight, u, n in row.terms:
@@ -241,6 +241,7 @@ class Loaded:
             ends = [frame for spring in springs for frame in (spring.frame1, spring.frame2)]
             pulls = Lines(mechanism.tree, springs).pulls(q, v)
             for frame, (carrier, point, pull) in zip(ends, pulls, strict=True):
+                # the tree counts places from there, so that no distance of the mechanism costs digits
                 yield frame, carrier, point + mechanism.standpoint, pull, none
         for force in mechanism.forces:
             if isinstance(force, GravityCompensation):
