@@ -50,6 +50,7 @@ def state_model(mechanism: Mechanism) -> Any:
             "rates of no numbers in q, so there is no state to optimise; choose other independent joints"
         )
     carrier = pin.Model()
+    # side by side on the ground: of a state Crocoddyl asks sums and differences alone
     for name, kind, _ in _joints(mechanism):
         carrier.addJoint(0, kind, pin.SE3.Identity(), name)
     return crocoddyl.StateMultibody(carrier)

@@ -43,11 +43,7 @@ class Knot:
     """
 
     def __init__(
-        self,
-        mechanism: Mechanism,
-        q0: ArrayLike | None,
-        mode: ArrayLike | None,
-        places: NDArray[np.int64],
+        self, mechanism: Mechanism, q0: ArrayLike | None, mode: ArrayLike | None, places: NDArray[np.int64]
     ) -> None:
         self._mechanism, self._places, self._groups = mechanism, places, groups_of(mechanism)
         self._explicit = initial_value_problem(mechanism, q0, None, mode).explicit

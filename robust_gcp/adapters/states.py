@@ -18,12 +18,7 @@ from ..mechanism.tree.joints import Joint, JointKind
 from ..mechanism.tree.tree import Array
 from ..simulation.derivatives.accelerations import derivatives
 
-POSITIONS = {
-    JointKind.CONTINUOUS: 0,
-    JointKind.SPHERICAL: 0,
-    JointKind.FREE_FLYER: 3,
-    JointKind.PLANAR: 2,
-}
+POSITIONS = {JointKind.CONTINUOUS: 0, JointKind.SPHERICAL: 0, JointKind.FREE_FLYER: 3, JointKind.PLANAR: 2}
 """How many numbers of a joint come before its quaternion, or its cosine and sine."""
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from ..checks import check_positive, path_given, shown
 from ..errors import ModelError, OptionError
 from ..mechanism.mechanism import Mechanism
+from ..simulation.trajectories.archive import write_whole
 from .description import described
 
 
@@ -44,7 +45,6 @@ def export(
 def _written(place: Path, data: bytes) -> Path:
     """The path, with these bytes."""
     try:
-        place.write_bytes(data)
-    except OSError as error:
-        raise ModelError(f"{place} cannot be written: {error}") from error
-    return place
+        return write_whole(place, lambda file: file.write(data))
+    except OptionError as error:
+        raise ModelError(str(error)) from error

@@ -93,6 +93,7 @@ def parts_of(
         body, frames = _frames(model, i, joint.name, taken)
         springs = [f for f in mechanism.forces if isinstance(f, JointSpring) and f.joint == joint.name]
         stiffness = float(sum(f.stiffness for f in springs))
+        # springs in parallel: k = Σ kᵢ, and no force where Σ kᵢ (q − rᵢ) = 0
         rest = float(sum(f.stiffness * f.rest for f in springs)) / stiffness if stiffness else 0.0
         dampers = [f for f in mechanism.forces if isinstance(f, JointDamper) and f.joint == joint.name]
         damping = float(sum(f.damping for f in dampers))

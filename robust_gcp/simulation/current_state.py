@@ -151,17 +151,17 @@ class Present:
     @property
     def t_events(self) -> list[Array]:
         """When each event happened so far, s."""
-        return [np.array(times) for times in self._run.events.t]
+        return self._run.events.found(self.mechanism)[0]
 
     @property
     def q_events(self) -> list[Array]:
         """q then, (k, nq) each."""
-        return [np.array(q).reshape(-1, self.mechanism.nq) for q in self._run.events.q]
+        return self._run.events.found(self.mechanism)[1]
 
     @property
     def v_events(self) -> list[Array]:
         """v then, (k, nv) each."""
-        return [np.array(v).reshape(-1, self.mechanism.nv) for v in self._run.events.v]
+        return self._run.events.found(self.mechanism)[2]
 
     @property
     def ended_by(self) -> int | None:

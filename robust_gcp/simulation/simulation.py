@@ -119,6 +119,7 @@ class Simulation(Present):
         loads = one_torque(mechanism, None, self._wrenches)
         self._loads = loads if callable(loads) else None
         self._ctrl = None if ctrl is None else held_controls(mechanism, ctrl)
+        # controls of NaN: no power
         self._idle = held.row(self._none, None, (0.0, 0.0))[mechanism.nv :]
         self._places = {joint.name: joint.idx_v for joint in mechanism.joints if joint.single}
         self.reset(q0, v0, mode=mode)

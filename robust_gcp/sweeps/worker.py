@@ -44,10 +44,7 @@ class CancelledRunError(Exception):
 
 
 def work(
-    build: Build,
-    keep: Keep,
-    parameters: Mapping[str, Any],
-    cancelled: Callable[[], bool] | None = None,
+    build: Build, keep: Keep, parameters: Mapping[str, Any], cancelled: Callable[[], bool] | None = None
 ) -> Outcome:
     """Build, simulate, summarise; every error becomes a `Failure`, an attempt to end the program too.
 

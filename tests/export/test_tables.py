@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -130,3 +131,14 @@ def test_the_command_writes_what_the_method_does(tmp_path: Path, capsys: pytest.
     assert places[0].read_text() == places[1].read_text()
     assert main(["export", "rhombus", str(tmp_path / "one.step")]) == 2
     assert "the suffix .step is unknown" in capsys.readouterr().err
+
+
+def test_a_file_that_was_there_stays_whole_until_the_new_one_is(tmp_path: Path) -> None:
+    path, kept = tmp_path / "robot.rgcp", tmp_path / "kept"
+    path.write_bytes(b"old")
+    os.link(path, kept)
+    rg.load("five_bar").export(path)
+    assert kept.read_bytes() == b"old" != path.read_bytes()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["kept", "robot.rgcp"]
+    with pytest.raises(rg.ModelError, match="cannot be written"):
+        rg.load("five_bar").export(tmp_path / "none" / "robot.rgcp")

@@ -140,11 +140,8 @@ class CompiledActuators:
 
     def _actuator(self, a: int, name: str, path: Path, gear: float) -> Actuator:
         m = self._m
-        gain, bias, dynamics = (
-            m.actuator_gainprm[a],
-            m.actuator_biasprm[a],
-            OF_DYNAMICS[int(m.actuator_dyntype[a])],
-        )
+        gain, bias = m.actuator_gainprm[a], m.actuator_biasprm[a]
+        dynamics = OF_DYNAMICS[int(m.actuator_dyntype[a])]
         times = {"filter": 1, "muscle": 3}.get(dynamics, 0)
         muscle = None
         if m.actuator_gaintype[a] == MUSCLE:

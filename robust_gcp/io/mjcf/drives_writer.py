@@ -132,12 +132,8 @@ class DrivesWriter:
         if muscle is not None:
             curves = muscle.lmin, muscle.lmax, muscle.vmax, muscle.fpmax, muscle.fvmax
             numbers = text([*muscle.range, muscle.force, SCALE, *curves])
-            made.attrib |= {
-                "gaintype": "muscle",
-                "biastype": "muscle",
-                "gainprm": numbers,
-                "biasprm": numbers,
-            }
+            made.attrib |= dict.fromkeys(("gaintype", "biastype"), "muscle")
+            made.attrib |= dict.fromkeys(("gainprm", "biasprm"), numbers)
             made.set("lengthrange", text(muscle.lengths))
         elif not plain:
             made.attrib |= {"gaintype": "affine" if any(gain[1:]) else "fixed", "gainprm": text(gain)}
@@ -180,10 +176,7 @@ class DrivesWriter:
             kind = "jointinparent" if path.in_parent else "joint"
             return {kind: path.joint, "gear": text([gear * x for x in path.gear])}
         if isinstance(path, SiteForce):
-            found = {
-                "site": self._site(path.site),
-                "gear": text([gear * x for x in path.gear]),
-            }
+            found = {"site": self._site(path.site), "gear": text([gear * x for x in path.gear])}
             return found if path.reference is None else found | {"refsite": self._site(path.reference)}
         if isinstance(path, SliderCrank):
             ends = {"cranksite": self._site(path.crank), "slidersite": self._site(path.slider)}

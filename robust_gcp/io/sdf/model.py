@@ -25,15 +25,8 @@ KINDS = {
     "revolute2": "universal",
 }
 KNOWN = (
-    "link",
-    "joint",
-    "frame",
-    "pose",
-    "static",
-    "self_collide",
-    "allow_auto_disable",
-    "enable_wind",
-    "model",
+    *("link", "joint", "frame", "pose", "model"),
+    *("static", "self_collide", "allow_auto_disable", "enable_wind"),
 )
 """Elements of a model that are read, or have no bearing on the motion."""
 

@@ -29,15 +29,8 @@ from .springs import springs_of
 UNLIMITED = "1e9"
 """Limit, rad or m, written for a joint that has none: nothing here enforces limits."""
 
-VELOCITIES = {
-    "revolute": 1,
-    "continuous": 1,
-    "prismatic": 1,
-    "planar": 3,
-    "floating": 6,
-    "spherical": 6,
-    "ball": 6,
-}
+VELOCITIES = dict.fromkeys(("revolute", "continuous", "prismatic"), 1) | {"planar": 3}
+VELOCITIES |= dict.fromkeys(("floating", *SPHERICAL), 6)
 """How many numbers the types of joints have in v; the others have none."""
 
 READ_AS = {"continuous": "revolute"} | dict.fromkeys(SPHERICAL, "floating")

@@ -238,8 +238,7 @@ class _Stage:
                 axis, (low, high) = np.eye(3)[free[0] % 3], bounds[free[0]]
         if label not in KINDS:
             raise self.fail(
-                prim,
-                f"a {label} joint cannot be read; {', '.join(KINDS)} ones and their like can",
+                prim, f"a {label} joint cannot be read; {', '.join(KINDS)} ones and their like can"
             )
         scale = self.metres if label == "Prismatic" else np.pi / 180.0
         wide = low is None or high is None or not np.isfinite([low, high]).all() or label not in KINDS[:2]

@@ -232,6 +232,7 @@ def learned(
         return False
     try:
         start = initial_value_problem(mechanism, q, v, mode).start
+        # other coordinates do, and are known from now on
         if serving.serving(mechanism, start.point) is not None:
             return False
     except RobustGcpError:  # the reference says what is wrong

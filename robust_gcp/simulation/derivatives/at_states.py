@@ -89,6 +89,7 @@ class AtStates:
         if acts is not None and function is None:
             held = np.tile(np.asarray(acts, dtype=float), (len(states), 1))
         given = (tau if table is None else table), wrenches
+        # all are on one mode: a number is one of the first state's
         mode = by_number(mechanism, states[0], mode) if len(states) else mode
         along = None if mode is None else checked_mode(mechanism, mode)
         return cls(mechanism, states, fast, given, held, function, one, np.arange(len(states)), along)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,10 +80,8 @@ def kernel_of(mechanism: Mechanism, run: Trajectory, driven: Sequence[int] = ())
     They are the sweep's own: a cost may ask for derivatives of steps itself while a stretch is kept.
     """
     for q in (run.q[-1], run.q[0], run.q[len(run.q) // 2]):
-        try:
+        with suppress(RobustGcpError):  # no regular state: another one may serve
             return own_derivation(mechanism, q, driven=driven)
-        except RobustGcpError:  # no regular state: another one may serve
-            continue
     return None
 
 

@@ -34,29 +34,15 @@ if TYPE_CHECKING:
 FORMAT = "robust_gcp trajectory 1"
 
 ARRAYS = (
-    "t",
-    "q",
-    "v",
-    "a",
-    "energy",
-    "multipliers",
-    "work",
-    "drive_torque",
-    "tau",
-    "dissipated",
-    "part_forces",
-    "u",
+    *("t", "q", "v", "a", "energy", "multipliers", "work", "drive_torque", "tau", "dissipated"),
+    *("part_forces", "u"),
 )
 """What a trajectory holds, one row a time; the first three always."""
 
 SAME = 1e-9
 """Relative difference at the start that two ways to build one mechanism may make."""
 
-MEANING = {
-    "check_M": "inertias are",
-    "check_K": "loops are",
-    "check_force": "gravity or forces are",
-}
+MEANING = {"check_M": "inertias are", "check_K": "loops are", "check_force": "gravity or forces are"}
 
 
 def write_csv(columns: Mapping[str, Array | list[Any]], path: str | Path) -> Path:

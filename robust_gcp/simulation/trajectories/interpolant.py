@@ -94,6 +94,7 @@ class Interpolant:
         tree, q0, q1, v1 = self._tree, self._q[i], self._q[i + 1], self._v[i + 1]
         end = tree.difference(q0, q1)
         ds1 = _log_rate(tree, q0, q1, v1)
+        # the rate of difference_rate along v₁: Pinocchio has no second derivatives on groups
         turning = _directional(lambda e: _log_rate(tree, q0, tree.integrate(q1, e * v1), v1), v1)
         dds1 = _log_rate(tree, q0, q1, self._a[i + 1]) + turning
         s, ds, dds = _quintic(x, h, self._v[i], self._a[i], end, ds1, dds1)
