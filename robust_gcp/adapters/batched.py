@@ -100,6 +100,6 @@ class Rollout(Exact):
         on_tau = np.empty((len(Q), self.steps, self.mechanism.nv))
         rows = here[:, -1]
         for k in reversed(range(self.steps)):
-            on_tau[:, k] = times(rows, B[:, k])
+            on_tau[:, k] = times(rows, B[:, k])  # rows are still those after the step
             rows = times(rows, A[:, k]) + here[:, k]
         return *to_state(self.mechanism, Q[:, 0], rows), on_tau if self._whole else on_tau[:, 0]

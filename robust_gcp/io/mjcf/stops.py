@@ -44,7 +44,7 @@ def solref_of(restitution: float) -> tuple[float, float]:
 
 
 def _by_damping(ratio: float) -> float:
-    if abs(ratio - 1.0) < 1e-9:
+    if abs(ratio - 1.0) < 1e-9:  # both formulas are 0/0 there
         return math.exp(-2.0)
     if ratio < 1.0:
         root = math.sqrt(1.0 - ratio**2)
