@@ -65,7 +65,7 @@ def motion_point(
     found = derivatives(mechanism, q, v, tau, mode, t)
     G, by_tau, own = found.G, found.da_dtau, mechanism.iv_independent
     u = AtStates.of(mechanism, q, v, None).v[:, own].reshape(found.udot.shape)
-    M_r = np.linalg.inv(by_tau[..., own])  # G = I in the rows of y
+    M_r = np.linalg.inv(by_tau[..., own])  # the columns of y, where Gᵀ = I
     unforced = forward_dynamics(mechanism, q, v, None, mode, t) if tau is not None else found.udot
     b = -np.einsum("...ij,...j->...i", M_r, unforced)
     g = np.einsum("...nm,...m->...n", found.dv_dy, u)  # the rate of G u along the motion, u held
