@@ -124,7 +124,7 @@ def closure(
         When the loops stay open by more than a gap that may be bridged.
     """
     left = max(space.residual(x) for x in points)
-    allowed = options.closure_tolerance + space.noise(beside)
+    allowed = options.closure_tolerance + space.noise(beside)  # after many turns angles are rounded coarser
     if left > max(allowed, options.geometric_tolerance):
         raise NoBridgeError("the interpolated mode does not close the loops", left)
     return left, "transversal" if left <= allowed else "near miss"

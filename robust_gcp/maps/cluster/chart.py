@@ -17,7 +17,7 @@ def quality(jet: Jet, chosen: NDArray[np.int64]) -> float:
     """σ_min of the chosen rows of an orthonormal tangent basis, against that of the best choice."""
     if jet.space.m == 0:
         return 1.0
-    tangent = np.linalg.qr(jet.J / jet.space.balance[:, None])[0]
+    tangent = np.linalg.qr(jet.J / jet.space.balance[:, None])[0]  # else very short links always serve best
     return smallest(tangent, chosen) / smallest(tangent, best(tangent))
 
 

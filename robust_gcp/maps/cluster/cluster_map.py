@@ -104,6 +104,7 @@ class ClusterMap(Charted):
         ObstacleError
             See `error_controlled`.
         """
+        # a rejected step, or a stage back in time: the trackers are still where that one ended
         if self.anchor is not self._own:
             self._restart()
         point = None if self.in_zone else self._ground.step(self.anchor, y, ydot)
@@ -162,11 +163,12 @@ class ClusterMap(Charted):
         for c in self.clusters:
             if c.index in known:
                 self._trackers.append(known[c.index].twin())
-            elif old is None or not old[c.index].space.flat:
+            elif old is None or not old[c.index].space.flat:  # exponential coordinates: about this anchor
                 before = None if old is None else old[c.index]
                 made = tracker_at(self.mechanism, c, anchor, self.options, self.counters, before)
                 self._trackers.append(made)
             else:
+                # where modes touch, or lie in the singular set, K tells no jet: the curve used last does
                 if not old[c.index].back_at(old[c.index].space.x(anchor.q[c.iq])):
                     old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
                 self._trackers.append(old[c.index])
@@ -195,6 +197,7 @@ class ClusterMap(Charted):
     def _by_clusters(self, y: Array, ydot: Array) -> Point:
         """The point at y as the product of the clusters' maps."""
         if not self.in_zone:
+            # a tracker would follow even a diverging stepper, for as long as that goes on
             turn = self.path.turn(self.anchor.G @ (y - self.anchor.y))
             if turn > ONE_TURN:
                 raise too_large(self.anchor, y, turn)
@@ -208,11 +211,13 @@ class ClusterMap(Charted):
                 self.in_zone = False
                 return regular
         self.counters.zone_evaluations += 1
+        # On a bridge K_d says nothing of how good the point is. Without one, steps are under error control
+        # until K_d is well conditioned again.
         obstructed = any(t.obstacle is not None for t in trackers)
         conditioning = self.path.worst_conditioning(parts[0]) if obstructed else 0.0
         point = whole_point(y, ydot, parts, conditioning, len(self.path.blocks))
         if len(y) == 1:
-            point.curvature = product(self.mechanism, jets, y, np.ones(1))[2]
+            point.curvature = product(self.mechanism, jets, y, np.ones(1))[2]  # g at ẏ = 1
         point.origin = self.anchor.origin
         return point
 
@@ -222,6 +227,7 @@ class ClusterMap(Charted):
         tracker.error_controlled = self.error_controlled
         wanted = chart_coordinates(self.mechanism, space, y)
         here = quality(tracker.anchor, cluster.chosen)
+        # Where y is about to turn back fixed steps lose their order; those with error control become shorter.
         if here < CHANGE and not (self.error_controlled and here >= self._last_resort):
             raise self._stop(cluster, toggle_at(tracker))
         try:
@@ -282,6 +288,6 @@ class ClusterMap(Charted):
             known = self._trackers or []
             self._trackers = read(self._arriving(), spaces, self.options, self.counters)
             for before, now in zip(known, self._trackers, strict=False):
-                now.known.ahead = before.known.ahead
+                now.known.ahead = before.known.ahead  # with the failure in it, which the numbers leave out
             self._arriving = None
         return self._trackers or []

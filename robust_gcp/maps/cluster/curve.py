@@ -109,7 +109,7 @@ class Curve:
     def parameter(self, C: Array, y: float, u: float) -> float | None:
         """u with Cᵀ x(u) = y, from a guess; None once it leaves the nodes."""
         c, width = C[:, 0], self.right - self.left
-        u = min(max(u, self.through.first), self.through.last)
+        u = min(max(u, self.through.first), self.through.last)  # beyond its nodes degree 17 is wild
         for _ in range(30):
             if not self.through.reaches(u, 1e-9):
                 return None
@@ -118,7 +118,7 @@ class Curve:
             # where y turns back along the curve the slope is nearly zero, and a whole step would leave it
             du = min(max(du, -0.5 * width), 0.5 * width)
             u += du
-            if abs(du) < 1e-15 + 4e-16 * abs(u):
+            if abs(du) < 1e-15 + 4e-16 * abs(u):  # u to its last digits: G and Γ are read off there
                 break
         return u if self.through.reaches(u, 1e-9) else None
 

@@ -80,6 +80,7 @@ class CurveBuilder:
     def _attempt(self, half_width: float) -> Curve:
         """The curve between nodes this far from the singular places."""
         anchor = self._anchor
+        # nodes of a curve through one place alone would lie beside the next one, were that nearer than 2 w
         start, ahead = self._u(anchor.x), places_ahead(anchor, 3.0 * self._zone, 2.0 * half_width)
         if ahead is None:
             raise NoBridgeError("no singular place lies ahead")
@@ -165,17 +166,18 @@ class CurveBuilder:
         """Places to first order from the curve at u, real ones."""
         x, slope, _ = self._through.values_at(u)
         mu = pencil_roots(self._space, self._through.nodes[0].P, x, slope, self._C)
-        return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)
+        return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-6].real)  # others: modes that veer
 
     def _certified(self, roots: list[float]) -> Curve:
         """The curve through the nodes, with what vouches for it."""
         space, options, through = self._space, self._options, self._through
-        samples = np.linspace(self._left, self._right, 15)[1:-1]
+        samples = np.linspace(self._left, self._right, 15)[1:-1]  # at the nodes themselves φ is closed
         left, kind = closure(space, options, through.sampled(samples)[0], self._reference)
         known, transversality = self._parting(roots)
         # where the loops stay open K keeps its rank all along, and what the pencil counts has to do
         gap = kind == "near miss"
         corank = [self._count[u] if gap or is_singular(space, through.values_at(u)[0]) else 0 for u in roots]
+        # after `closure`: what stays open is a near miss, what closes and parts too little a contact
         if transversality < options.transversality:
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         return Curve(
@@ -187,7 +189,7 @@ class CurveBuilder:
             self._right,
             roots,
             corank,
-            kind if known else "near miss",
+            kind if known else "near miss",  # no σ vanishes: a gap that φ's rounding hides
             left,
             transversality,
             max(self._held_out(), left),
@@ -216,4 +218,5 @@ class CurveBuilder:
             return relative(bend, known.bend[0, 0])
 
         center = 0.5 * (self._left + self._right)
+        # x errs by Π³, three data a node; where Π' = 0, in the middle and half way between nodes, Γ by Π²
         return held_out(through.us, center, off, lambda growth: min(growth**2, 1e3))

@@ -49,7 +49,7 @@ class NewtonForm:
         slope = bend = np.zeros_like(value)
         for node, coefficient in zip(self._nodes[-2::-1], self._newton[-2::-1], strict=True):
             step = (x - node)[:, None]
-            bend = bend * step + slope
+            bend = bend * step + slope  # f''/2; from the top, as each takes the one below as it was before
             slope = slope * step + value
             value = value * step + coefficient
         return value, slope, 2.0 * bend
@@ -103,7 +103,7 @@ class Series:
 
     def values_at(self, u: float) -> tuple[Array, Array, Array]:
         """x, dx/du and d²x/du² at u."""
-        s = min(max((u - self.middle) / self.half, -1.0), 1.0)
+        s = min(max((u - self.middle) / self.half, -1.0), 1.0)  # the ends are rounded
         values = np.cos(np.arange(float(len(self.table))) * acos(s)) @ self.table
         n = len(values) // 3
         return values[:n], values[n : 2 * n], values[2 * n :]
@@ -133,7 +133,7 @@ class HermiteCurve:
         self.nodes = [nodes[i] for i in order]
         self.first, self.last = float(self.us[0]), float(self.us[-1])
         self._middle, self._half = float(np.mean(us)), float(np.ptp(us)) / 2.0
-        half = self._half
+        half = self._half  # in u itself differences of order 17 would be of the size w⁻¹⁷
         data = [[node.x, node.J[:, 0] * half, node.bend[0, 0] * half**2] for node in self.nodes]
         self._form = NewtonForm((self.us - self._middle) / half, np.array(data))
 
@@ -153,4 +153,4 @@ class HermiteCurve:
 
     def series(self, left: float, right: float) -> Series:
         """The same polynomial between two parameters as Chebyshev series, which are evaluated at once."""
-        return series(self.sampled, left, right, 3 * len(self.us))
+        return series(self.sampled, left, right, 3 * len(self.us))  # as many terms as data: exact

@@ -100,7 +100,7 @@ class Jet:
         rate = np.zeros_like(B)
         rate[: space.nd] = self.P @ space.second(self.x, self.J @ d)
         inverse = np.linalg.eigvals(-np.linalg.solve(B, rate))
-        return np.asarray(1.0 / inverse[np.abs(inverse) > 1e-3])
+        return np.asarray(1.0 / inverse[np.abs(inverse) > 1e-3])  # the m rows of Cᵀ have their roots at ∞
 
     def nearest(self) -> tuple[float, Array]:
         """First-order distance along the mode to the singular set (arc length), and the way in the chart."""
@@ -117,6 +117,7 @@ class Jet:
         """Distance to the singular set, the smaller of both; infinite where K is far from singular."""
         if self.svd is None or self.space.nd == 0 or self.sigma > FILTER:
             return np.inf
+        # where two modes pass each other closest K along either has no root: it is singular between them
         return min(self.nearest()[0], self.ambient()[0])
 
     def _nearest(self) -> tuple[float, Array]:
@@ -138,6 +139,7 @@ class Jet:
         if svd is None or space.nd == 0:
             return np.inf, np.zeros(space.nv)
         u = svd.U[:, space.nd - 1]
+        # v_min and the tangents: uᵀ K must vanish on all of them, on the modes' common tangent space
         rows = np.array([u @ space.second(self.x, w) for w in space.balance * svd.Vt[space.nd - 1 :]])
         target = np.zeros(len(rows))
         target[0] = -svd.s[space.nd - 1]
@@ -157,7 +159,7 @@ def jet(space: ClusterSpace, x: Array, C: Array) -> Jet:
     for i in range(m):
         rate = P @ space.second(x, J[:, i])
         bend[i] = -(inverse[:, :nd] @ (rate @ J)).T
-    bend = 0.5 * (bend + bend.transpose(1, 0, 2))
+    bend = 0.5 * (bend + bend.transpose(1, 0, 2))  # φ'' is symmetric, its rounding divided by σ is not
     sigma = float(s[nd - 1]) if nd else np.inf
     return Jet(space, x, C, J, bend, P, sigma, svd)
 
@@ -180,9 +182,9 @@ def solve(space: ClusterSpace, x: Array, C: Array, y: Array, P: Array) -> tuple[
             raise LostError("K is singular on the way") from singular
         x = x - dx
         if iteration == 0:
-            first = float(np.abs(dx).max(initial=0.0))
+            first = float(np.abs(dx).max(initial=0.0))  # in x, as the steps of continuation are
         size = float(np.abs(dx / space.balance).max(initial=0.0))  # rounding of φ turns short links far
-        if not size < 1e3:
+        if not size < 1e3:  # NaN too
             break
         if size < CONVERGED or (size < STAGNANT and size > 0.3 * last):
             return x, first
@@ -209,15 +211,16 @@ def pencil_roots(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) 
     At a transversal singularity of any corank the root is semisimple, so it is found to rounding.
     """
     B, rate = _pencil(space, P, x, way, C)
+    # not B⁻¹ B': at the place that is looked for B is singular itself
     alpha, beta = scipy.linalg.eig(B, -rate, right=False, homogeneous_eigvals=True)
-    finite = np.abs(beta) > 1e-9 * np.abs(alpha) + 1e-300
+    finite = np.abs(beta) > 1e-9 * np.abs(alpha) + 1e-300  # m roots at infinity are the rows of Cᵀ
     return np.asarray(alpha[finite] / beta[finite])
 
 
 def _pencil(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) -> tuple[Array, Array]:
     """B and B' along `way`, columns balanced: [P K; Cᵀ] and [P φ''[way]; 0]."""
     chart = C.T * space.balance
-    chart = chart / np.maximum(1.0, np.linalg.norm(chart, axis=1))[:, None]
+    chart = chart / np.maximum(1.0, np.linalg.norm(chart, axis=1))[:, None]  # σ are compared with those of K
     B = np.vstack([(P @ space.K(x)) * space.balance, chart])
     rate = np.zeros_like(B)
     rate[: space.nd] = (P @ space.second(x, way)) * space.balance
@@ -264,6 +267,7 @@ def own_separation(
     left, V = U[: space.nd, -r:], Vt[-r:] * space.balance
     pairing = U[:, -r:].T @ rate @ Vt[-r:].T
     smallest = float(np.linalg.svd(pairing, compute_uv=False)[-1])
+    # a small form may be rounding of a zero one; then σ grows by the next order, and not by this rate
     for near, distance in beside:
         grown = np.linalg.svd(_pencil(space, P, near, way, C)[0], compute_uv=False)[-1]
         if not 0.3 * grown < smallest * abs(distance) < 3.0 * grown:
@@ -283,7 +287,7 @@ def places_ahead(anchor: Jet, within: float, together: float) -> tuple[float, fl
     together : float
         Those farther than this behind the nearest one are left out too.
     """
-    mu = anchor.roots(np.ones(1))
+    mu = anchor.roots(np.ones(1))  # complex ones too: of modes that veer by a gap which may be bridged
     mu = mu[np.abs(mu) < within]
     if not len(mu):
         return None

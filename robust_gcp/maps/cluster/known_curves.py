@@ -102,17 +102,19 @@ class KnownCurves:
         self.keep(curve)
         if curve.orders:
             here.space.bridged = (*here.space.bridged[1 - MAX_CURVES :], (options, curve))
+        # a meeting is known from beyond the piece of mode that its curve holds
         return curve if curve.inside is None or curve.through.reaches(curve.u(here.x)) else None
 
     def _of_any_order(self, here: Jet, distance: float, zone: float, options: BridgeOptions) -> Curve | None:
         """A new curve by second order, or else by the meeting ahead; None where that is too far away yet."""
         before = self.ahead
-        if before is not None and touches_ahead(here):
+        if before is not None and touches_ahead(here):  # second order has failed from farther away
             failure = before.failure
         else:
             try:
                 return CurveBuilder(here, options, zone).build()
             except NoBridgeError as found:
+                # no look from nearer would change these: the order of modes that touch alone is told there
                 if is_near_miss(place(here), options) or (distance > TOLD and not touches_ahead(here)):
                     raise
                 failure = found
@@ -120,6 +122,7 @@ class KnownCurves:
             touching = through_meeting(here, options, failure)
             if touching is not None:
                 return touching
+        # once in 0.05 of the way at most: a look takes up to half a second
         self.ahead = MeetingAhead(here.x, max(distance - TOLD, 0.05), failure)
         return None
 

@@ -56,7 +56,7 @@ def tracker_on_mode(
                 tracker = Tracker(beside.recharted(C), options, reach, counters)
                 found = tracker.jet_at(C.T @ x)
                 off, angle = float(np.abs(found.x - x).max()), apart(T, found.tangent())
-                if off < ARRIVED and angle < 1e-4:
+                if off < ARRIVED and angle < 1e-4:  # another mode passes at an angle
                     return tracker
                 reasons.append(f"the mode passes the start at a distance of {off:.1e}, angle {angle:.1e}")
             except (LostError, ObstacleError, np.linalg.LinAlgError) as lost:
@@ -71,7 +71,7 @@ def _way(space: ClusterSpace, x: Array, T: Array) -> Array:
     m = T.shape[1]
     if m == 1:
         return np.ones(1)
-    P = space.factors(x + 1e-3 * T @ np.ones(m))[0][:, : space.nd].T
+    P = space.factors(x + 1e-3 * T @ np.ones(m))[0][:, : space.nd].T  # at x itself K lacks rows of the mode
     rng = np.random.default_rng(7)  # always the same, as the start of a run must be
     tried = rng.normal(size=(40, m))
     tried = np.vstack([np.eye(m), tried / np.linalg.norm(tried, axis=1)[:, None]])
@@ -86,7 +86,7 @@ def _outward(space: ClusterSpace, x: Array, T: Array, way: Array, step: float, r
     here, _ = solved(space, guess, T, T.T @ x + step * way, P)
     if float(np.linalg.norm(here.x - guess)) > OFF * step:
         raise LostError("Newton leaves the tangent")
-    if apart(T, here.tangent()) > 10.0 * step:
+    if apart(T, here.tangent()) > 10.0 * step:  # one's own tangent turns by the order of the step
         raise LostError("beside the start Newton found another mode")
     for _ in range(60):
         delta = here.delta()

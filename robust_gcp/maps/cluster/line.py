@@ -44,5 +44,5 @@ def jet_on_line(
     turned[0] = row
     turned[:, 0] = row
     bend = np.einsum("ia,jb,abn->ijn", basis, basis, turned)
-    best = max(sorted_nodes, key=lambda node: node.sigma)
+    best = max(sorted_nodes, key=lambda node: node.sigma)  # its rows are told best; K at s may have lost rank
     return Jet(space, x_form[0][0], C, J, bend, best.P)

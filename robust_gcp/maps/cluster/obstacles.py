@@ -98,7 +98,7 @@ def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float
         star = failure.met.star
         radius = 1.05 * float(np.linalg.norm(here.x - star))  # all the way to it
         return Obstacle("cusp", star, radius, failure.met.gap, str(failure), met=failure.met)
-    if np.isfinite(failure.separation):
+    if np.isfinite(failure.separation):  # the loops close all along, but second order does not part the modes
         return Obstacle("tangential", here.x, radius, np.nan, str(failure))
     found = place(here)
     if found.is_cone:
@@ -111,10 +111,11 @@ def judge(here: Jet, failure: NoBridgeError, options: BridgeOptions, zone: float
 def approaching(here: Jet, options: BridgeOptions) -> Obstacle:
     """What the singular place ahead of a point is, before any bridge is tried."""
     found = place(here)
-    radius = 0.5 * min(here.delta(), 1.0)
+    radius = 0.5 * min(here.delta(), 1.0)  # the place is known better from half way
     if not found.found or np.linalg.norm(found.x - here.x) > 2.0 * FARTHEST_LOOK:
         return Obstacle("crossing", here.x, radius, np.nan, "nothing singular near by")
     if found.is_cone:
+        # modes that meet in the apex have no gap, so `approach` is 0: then its distance bounds the motion's
         near = float(np.linalg.norm(found.x - here.x))
         return Obstacle("cone", here.x, radius, found.gap, CONE_WORDS, min(near, found.approach or near))
     if found.gap <= options.largest_gap:

@@ -77,6 +77,7 @@ def _on_curve(
     space, cluster = curve.space, curve.space.cluster
     u0, u1 = (curve.u(space.x(point.q[cluster.iq])) for point in (before, after))
     C, unit = space.chart(cluster.chosen)[:, 0], float(space.D[cluster.chosen[0]])
+    # y of the motion goes on over whole turns that x about its own reference does not have
     shift = (
         0.0 if space.flat else float(after.y[cluster.inputs[0]] - unit * (C @ space.x(after.q[cluster.iq])))
     )
@@ -138,7 +139,7 @@ def _on_patch(
     unit, inputs = space.D[cluster.chosen], cluster.inputs
     shift = space.x(after.q[cluster.iq])[cluster.chosen] - after.y[inputs] / unit
     h = stretch.t1 - stretch.t0
-    eps = 1e-4 * h
+    eps = 1e-4 * h  # ẏ to 1e-8 of it: Newton's pace alone hangs on it, the root μ = 0 does not
 
     def real(mu: Array) -> Array:
         return np.asarray(mu[np.abs(mu.imag) <= 0.5 * np.abs(mu) + 1e-9 * h].real)

@@ -141,6 +141,7 @@ class Patch(Generic[F]):
         """The point at η from the line through it, with the nodes moved there; None beside the line."""
         s = self.s(eta)
         foot = eta - s * self.d  # the line moves with the motion, each node by its own tracker
+        # also where s is beyond: a motion that leaves goes on from the inner node, which must be beside it
         for at, tracker in zip(self.ss, self.trackers, strict=True):
             tracker.jet_at(foot + at * self.d)
         if not self.contains(s):
@@ -165,7 +166,7 @@ class Patch(Generic[F]):
     def leads_to(self, here: Jet) -> bool:
         """Whether the surface next to a solved point is the one that the line crosses near its middle."""
         distance, way = here.nearest()  # σ grows that way
-        ahead = self.s(self.C.T @ (here.x - here.J @ (distance * way)))
+        ahead = self.s(self.C.T @ (here.x - here.J @ (distance * way)))  # the place, to first order
         return here.space is self.space and abs(ahead - self.center) < 0.25 * (self.right - self.left)
 
     def serves(self, here: Jet, y: Array) -> bool:

@@ -73,7 +73,7 @@ class PatchBuilder(Generic[F]):
         for _ in range(4):
             self._place_nodes(center, w)
             zero = self._zero(center)
-            if abs(zero - center) < 0.1 * w:
+            if abs(zero - center) < 0.1 * w:  # nodes about a guess of first order are laid anew
                 return self._certified(zero)
             center = zero
         raise NoBridgeError("the singular surface could not be located")
@@ -144,7 +144,7 @@ class PatchBuilder(Generic[F]):
         left, kind = closure(space, options, (self._at(s).x for s in samples), beside)
         point = self._at(zero)
         _, transversality = null_pairing(space, point.P, point.x, point.J @ self._d, self._C)
-        if transversality < options.transversality:
+        if transversality < options.transversality:  # |φ| below cannot tell modes that touch
             raise NoBridgeError("the modes part at higher than second order", left, transversality)
         error = max(self._held_out(), left)
         if error > LARGEST_ERROR:
@@ -174,4 +174,5 @@ class PatchBuilder(Generic[F]):
             known = self._beside(solved, s, 0.5 * (self._right - self._left)).anchor
             return relative(guess.bend, known.bend)
 
+        # Γ across the line is interpolated by its values: Π itself, where curves have Π²
         return held_out(self._ss, 0.5 * (self._left + self._right), off, lambda growth: growth)

@@ -74,11 +74,12 @@ def product(mechanism: Mechanism, jets: Sequence[Jet], y: Array, ydot: Array) ->
             rate, own = u / space.D[cluster.chosen], along / space.D[cluster.chosen]
         xdot = found.J @ rate
         bend = np.einsum("i,j,ijn->n", rate, rate, found.bend)
-        left = turn @ bend + space.turn_rate(found.x, xdot) @ xdot
+        left = turn @ bend + space.turn_rate(found.x, xdot) @ xdot  # d(T D ẋ)/dt at ÿ = 0 of the chart
         G[np.ix_(cluster.iv, cluster.inputs)] = own
+        # ÿ = 0 of a chart is not u̇ = 0: what its own components accelerate by goes to G
         g[cluster.iv] = left - own @ left[cluster.chosen] if charted else left
     q[mechanism.iq_numbers] = y[mechanism.numbers]
-    G[mechanism.iv_independent] = np.eye(mechanism.m)
+    G[mechanism.iv_independent] = np.eye(mechanism.m)  # exactly, where inverses leave rounding
     g[mechanism.iv_independent] = 0.0
     return q, G, g
 

@@ -35,7 +35,7 @@ def same_branch(before: Point, after: Point) -> bool:
         return False
     rconds = zip(before.rcond.tolist(), after.rcond.tolist(), strict=True)
     for a, b, rcond in zip(before.det.tolist(), after.det.tolist(), map(min, rconds), strict=True):
-        if not a * b > 0.0:
+        if not a * b > 0.0:  # NaN too
             return False
         if rcond < POOR and not 1.0 / DETERMINANT_RATIO < b / a < DETERMINANT_RATIO:
             return False
@@ -80,7 +80,7 @@ class RegularGround:
         """The point at a solved q, by other rows where the present ones fail; None where K_d is poor."""
         mechanism = self.path.mechanism
         point = self._at(self.path, q, y, ydot, origin)
-        if point is not None or mechanism.nc == self.path.nd:
+        if point is not None or mechanism.nc == self.path.nd:  # without redundant rows there are no others
             return point
         rows = mechanism.select_rows(mechanism.K(q))
         if np.array_equal(rows, self.path.rows):

@@ -72,6 +72,7 @@ def _found(near: Jet, iterations: int = 15) -> Place:
         u, N = U[:, nd - 1], Vt[nd - 1 :]
         bending = np.array([u @ space.second(x, w) for w in N])
         residual = np.concatenate([U[:, : nd - 1].T @ phi, N @ (K.T @ u)])
+        # how u and N turn is left out: at the place Kᵀ u = 0 and K N = 0
         rows = np.vstack([s[: nd - 1, None] * Vt[: nd - 1], bending]) * balance
         sizes = np.abs(rows).max(axis=1)  # some are small between links of very different lengths
         weights = 1.0 / np.where(sizes > 1e-12, sizes, 1.0)

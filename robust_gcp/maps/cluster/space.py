@@ -93,7 +93,7 @@ class ClusterSpace:
     def _curvature(self) -> float:
         """Largest entry of φ'', balanced, at generic configurations: what forms are compared with."""
         sizes = [0.0]
-        for q in self.loops.generic_configurations()[:2]:
+        for q in self.loops.generic_configurations()[:2]:  # elsewhere φ'' may be small by chance
             rates = [self._rate(q, self.D * e) * self.balance for e in np.eye(self.nv)]
             sizes += [float(np.abs(rate).max(initial=0.0)) for rate in rates]
         return max(sizes) or 1.0

@@ -55,7 +55,7 @@ class Tracker:
         # curves through places where modes touch that other runs with these options have built
         self.known = KnownCurves([curve for given, curve in self.space.bridged if given == options])
         self.current: Curve | Patch[Tracker] | None = None
-        self.u = 0.0
+        self.u = 0.0  # of `current`, where that is a curve
         self.error_controlled = False
         self.touched: list[Curve | Patch[Tracker]] = []
         self.obstacles: list[Obstacle] = []
@@ -113,7 +113,7 @@ class Tracker:
         ObstacleError
             At a place without a bridge, unless `error_controlled`.
         """
-        for _ in range(40):
+        for _ in range(40):  # each round enters or leaves one bridge
             found = self._on_bridge(y) if self.current is not None else self._continue(y)
             if found is not None:
                 self.anchor = found
@@ -154,14 +154,14 @@ class Tracker:
         """March towards y; None with a bridge in use where one is entered."""
         here = self.anchor
         if not here.solved:
-            here = self.anchor = jet(self.space, here.x, self.C)
+            here = self.anchor = jet(self.space, here.x, self.C)  # interpolated: σ, U are not known
         limit = 1.0
         for _ in range(MAX_STEPS):
             distance = here.nearest()[0]
             if self.error_controlled and self.space.m > 1:
                 self._look_for_apex(here, distance)
             step = y - here.y
-            size = float(np.linalg.norm(here.J @ step))
+            size = float(np.linalg.norm(here.J @ step))  # along the mode: y may be turning back
             if distance < self.zone and self._enter(here, y):
                 return None
             self._look_ahead(here, size)
@@ -170,7 +170,7 @@ class Tracker:
             target = y if share == 1.0 else here.y + share * step
             found = self._step(here, share * step, target, share * size)
             if found is None:
-                limit = 0.5 * min(limit, share * size / REACH)
+                limit = 0.5 * min(limit, share * size / REACH)  # half of what failed, as a distance
                 if limit < 1e-9:
                     raise LostError("the mode cannot be followed")
                 continue
@@ -238,7 +238,7 @@ class Tracker:
         return True
 
     def _enter_patch(self, here: Jet, y: Array) -> bool:
-        if isinstance(self.space, BesideApex) or stays_clear(here, y, self.zone):
+        if isinstance(self.space, BesideApex) or stays_clear(here, y, self.zone):  # no mode crosses an apex
             return False
         if self._beside is not None and self._beside.leads_to(here) and not self._beside.serves(here, y):
             return False
@@ -251,7 +251,7 @@ class Tracker:
         except (NoBridgeError, ObstacleError) as failure:
             return self._blocked(here, failure)
         if not patch.serves(here, y):
-            self._beside = patch
+            self._beside = patch  # to say so of the next points without building again
             return False
         self.current = patch
         return True
