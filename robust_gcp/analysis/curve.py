@@ -116,6 +116,7 @@ class Continuation:
         K = self.mechanism.scaled(self.mechanism.K(q))
         frame = np.linalg.svd(K)
         rows = frame[0][:, : self.rank].T
+        # with frozen rows det [P K; tᵀ] keeps its sign along a mode, but for places where K loses a rank
         side = np.linalg.det(np.vstack([rows @ K, t]))
         bend = self._bend(q, t, frame)
         while h > SMALLEST_STEP:
@@ -127,7 +128,7 @@ class Continuation:
             correction = self.torus.distance(predicted, ahead)
             if (
                 self.mechanism.closure_residual(ahead) <= CLOSED
-                and correction < 0.1 * h
+                and correction < 0.1 * h  # with the curvature, third order: more is another mode
                 and t @ t_ahead > np.cos(TURNING[1])
                 and (corank or side * side_ahead > 0.0)  # else a singular point was jumped over
             ):
@@ -150,6 +151,7 @@ class Continuation:
             return None
         picture = analyse(self.mechanism, star)
         larger = picture.kind == "redundant"  # a point of a larger mode, on all of which K lacks a rank
+        # where K lacks more ranks one left vector is not determined: located again with as many as vanish
         lacking = corank + 2 if larger else self.rank - picture.rank
         again = self._located(q, lacking) if lacking > corank + 1 else None
         return star if again is None and not larger else again
@@ -238,6 +240,7 @@ class Continuation:
         curve.tangents.append(t)
         curve.passes.append((len(curve.q) - 1, number, chosen))
         row, first, tangent = curve.passes[0]
+        # along the tangent it began with, and in its sense; the other way round it has come to its own end
         if row == 0 and len(curve.passes) > 1 and (first, tangent) == (number, chosen):
             curve.closed = bool(t @ curve.tangents[0] > 0.0)
         return curve.closed
@@ -275,9 +278,10 @@ class Continuation:
         start = curve.q[0]
         way = self.torus.difference(q, start) / self.scale
         along = float(t @ way)
+        # farther off the tangent it is another strand
         if not 0.0 < along <= h * 1.01 or np.linalg.norm(way) > 1.1 * along + 1e-9:
             return False
-        if t @ curve.tangents[0] < 0.9:
+        if t @ curve.tangents[0] < 0.9:  # the same place on another mode, which crosses
             return False
         curve.q.append(self.mechanism.tree.integrate(q, self.scale * way))
         curve.tangents.append(curve.tangents[0])

@@ -153,6 +153,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
         tangent = (_direction(kernel),) if kernel.shape[1] else ()
         return answer("regular", rank, tangent, f"K has full rank {rank}: one smooth mode")
     size = FORM * curvature(mechanism, q)
+    # seen along single directions first: all forms of 40 flat loops would cost more than the answer is worth
     most = int(np.log2(MAX_COMBINATIONS))
     if left.shape[1] > most and bending_along(mechanism, q, left, kernel, most + 1, size) > most:
         words = f"more than {most} loops are singular at once: too many combinations of modes to list"
@@ -207,6 +208,7 @@ def _factored(
         size = np.abs(values).max()
         active = np.flatnonzero(np.abs(values) > FORM * size)
         signs = np.sign(values[active])
+        # only on all of the kernel: what a definite form leaves flat may still move
         if len(active) == kernel.shape[1] and abs(int(signs.sum())) == len(active):
             return "isolated", (), "the second-order form is definite: an isolated point"
         if len(active) == 1 and len(forms) > 1:  # a square, which forms of other trees or cuts hide in a sum
@@ -220,16 +222,17 @@ def _factored(
                 f"on {kernel.shape[1]} directions: tangential or higher order, not two crossing modes",
             )
         (low, high), v = values[active], vectors[:, active]
-        a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]
+        a, b = np.sqrt(-low) * v[:, 0], np.sqrt(high) * v[:, 1]  # Q = bᵀb − aᵀa = (b + a)(b − a)
         planes.append([a + b, a - b])
     squares = any(len(pair) == 1 for pair in planes)
     spaces: list[tuple[Array, int]] = []
     for combination in product(*planes):
         normals = np.array(combination)
         _, sigma, Vt = np.linalg.svd(normals)
-        conditions = numerical_rank(sigma, FORM)
+        conditions = numerical_rank(sigma, FORM)  # hyperplanes of several loops may coincide
         if kernel.shape[1] > conditions:
             T = Vt[conditions:].T
+            # a double zero, as beside modes that touch, comes from the eigenvectors to √ε alone
             spaces.append((polished(forms, T[:, 0])[:, None] if T.shape[1] == 1 else T, conditions))
     # the larger ones first: one that lies in another, or is known, is no mode of its own
     modes: list[Array] = []
@@ -291,6 +294,6 @@ def _direction(basis: Array) -> Array:
     if basis.shape[1] != 1:
         return np.asarray(np.linalg.qr(basis)[0])
     t = basis[:, 0] / np.abs(basis[:, 0]).max()
-    t[np.abs(t) < 1e-12] = 0.0
+    t[np.abs(t) < 1e-12] = 0.0  # else the sign would hang on the rounding of a joint at rest
     first = t[np.flatnonzero(t)[0]]
     return np.asarray(t * np.sign(first) + 0.0, dtype=float)

@@ -57,6 +57,7 @@ def bending_along(
     mechanism: ClosedLoops, q: Array, left: Array, kernel: Array, directions: int, size: float
 ) -> int:
     """How many combinations of the columns of `left` have forms that bend, seen in random directions."""
+    # independent forms differ along random directions, almost surely; each costs one k instead of δ K̇
     ways = np.random.default_rng(4).normal(size=(directions, kernel.shape[1])) @ kernel.T
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     seen = left.T @ np.array([second_derivative(mechanism, q, way) for way in ways]).T

@@ -28,13 +28,13 @@ def located(loops: ClosedLoops, q: Array, rank: int, corank: int) -> Array | Non
     """
     left = np.linalg.svd(loops.scaled(loops.K(q)))[0]
     rows = left[:, :rank].T  # what the closures hold here; redundant rows stay out
-    us = np.eye(rank)[:, rank - corank :]
+    us = np.eye(rank)[:, rank - corank :]  # in the basis of left vectors the last ones, to begin with
     here, scale = q, loops.column_scale
     pairs = np.triu_indices(corank)
     least, idle = np.inf, 0
     while idle < IDLE:
         K = rows @ loops.scaled(loops.K(here))
-        products = (us.T @ us - np.eye(corank))[pairs]
+        products = (us.T @ us - np.eye(corank))[pairs]  # else U = 0 would solve Kᵀ U = 0 anywhere
         F = np.concatenate([rows @ (loops.phi(here) / loops.row_scale), (K.T @ us).T.ravel(), 0.5 * products])
         size = np.abs(F).max()
         if size < LOCATED:
@@ -52,6 +52,7 @@ def located(loops: ClosedLoops, q: Array, rank: int, corank: int) -> Array | Non
                 [np.zeros((len(products), loops.nv)), normal],
             ]
         )
+        # U may turn in itself: at corank above one J lacks rank
         move = np.linalg.lstsq(J, -F, rcond=LOCATING)[0]
         here = loops.tree.integrate(here, scale * move[: loops.nv])
         us = us + move[loops.nv :].reshape(corank, rank).T

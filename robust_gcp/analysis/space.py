@@ -106,7 +106,7 @@ class _Search:
             conditioning = self.continuation.conditioning(start)
             if i == 0 and conditioning < SINGULAR_HOME:
                 self.number(start)
-            elif i > 0 and conditioning < WELL_APART:
+            elif i > 0 and conditioning < WELL_APART:  # Newton from a seed may have come to either mode
                 continue
             elif (known := self._known_curve(start)) is not None:
                 self.met[known] += 1

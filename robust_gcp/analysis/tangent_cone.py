@@ -31,9 +31,9 @@ def rank_two_forms(forms: Sequence[Array]) -> list[Array] | None:
     """
     r, n = len(forms), len(forms[0])
     basis = _orthonormal(forms)
-    if n < 3:
+    if n < 3:  # all forms are of rank two at most
         return list(basis)
-    rng = np.random.default_rng(5)
+    rng = np.random.default_rng(5)  # always the same: so must be the answer
     found: list[Array] = []
     tries = 0
     while tries < TRIES * (1 + len(found)):
@@ -61,6 +61,7 @@ def _refined(basis: Array, c: Array) -> Array | None:
         last = left
         V = vectors[:, small]
         rows = np.array([(V.T @ Q @ V)[np.triu_indices(len(small))] for Q in basis]).T
+        # to first order small eigenvalues change with the form on their own eigenvectors, Vᵀ δQ V
         target = -rows @ c
         system = np.vstack([rows, c])  # steps across c alone
         step = np.linalg.lstsq(system, np.append(target, 0.0), rcond=1e-12)[0]
@@ -96,11 +97,11 @@ def linear_modes(forms: Sequence[Array]) -> tuple[list[Array], bool]:
             continue
         normals = np.einsum("kij,j->ki", basis, w)
         _, s, Vt = np.linalg.svd(normals)
-        if s[-1] < TRANSVERSAL or m < 1:
+        if s[-1] < TRANSVERSAL or m < 1:  # the cone is no smooth space at w: a double zero
             more = True
             continue
         T = Vt[r:].T
-        if np.abs(np.einsum("kij,ia,jb->kab", basis, T, T)).max() > FORM:
+        if np.abs(np.einsum("kij,ia,jb->kab", basis, T, T)).max() > FORM:  # w is a zero, its tangents are not
             more = True
             continue
         if not any(np.linalg.norm(T - known @ (known.T @ T), 2) < 1e-6 for known in found):

@@ -1,4 +1,4 @@
-"""Configurations compared modulo full turns of the hinges."""
+"""Distances and turns between configurations that full turns of revolute joints leave the same."""
 
 from __future__ import annotations
 

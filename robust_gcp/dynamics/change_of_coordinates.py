@@ -75,6 +75,6 @@ def transformed(found: Derivatives, whole: Accelerations, chosen: Index) -> Deri
     own = found.G[chosen]
     W = np.linalg.inv(own)
     by_u = (whole.by_u[chosen] + own @ found.da_dv) @ W
-    by_y = (whole.by_y[chosen] + own @ found.da_dy) @ W - by_u @ (found.dv_dy[chosen] @ W)
+    by_y = (whole.by_y[chosen] + own @ found.da_dy) @ W - by_u @ (found.dv_dy[chosen] @ W)  # u' held, not u
     slope = Slope.of(found).seen_in(chosen)
     return Derivatives(whole.a[chosen], by_y, by_u, own @ found.da_dtau, slope.G, slope.dv_dy)

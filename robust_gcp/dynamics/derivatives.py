@@ -205,9 +205,10 @@ class PointDerivatives:
         rates = self._mode.rates_at(point)
         G = rates.G
         v = G @ u
+        # beside a singular place G and g are from a circle, better than those the point has by K_d
         ydd = now.ydd if np.array_equal(G, point.G) else self._accelerations(q, v, now, rates)
         a, A_y = G @ ydd + rates.g, rates.A_y + np.einsum("i,inj->nj", ydd, rates.bend)
-        force = mechanism.tree.rnea(q, v, a).copy()
+        force = mechanism.tree.rnea(q, v, a).copy()  # Pinocchio's own memory, which the next call writes to
         if now.tau is not None:
             force -= now.tau
         by_q, by_v, M = self._rigid.derivatives_at(q, v, a)
@@ -215,7 +216,7 @@ class PointDerivatives:
         if mechanism.applied is not None:
             forces_q, forces_v = mechanism.applied.derivatives_at(q, v, G)
             pulled_q, pulled_v = pulled_q - forces_q, pulled_v - forces_v
-        bent = np.einsum("n,inj->ij", force, rates.bend)
+        bent = np.einsum("n,inj->ij", force, rates.bend)  # f = Kᵀ λ does no work along G, but along ∂G
         by_y = bent + pulled_q @ G + pulled_v @ rates.V_y + G.T @ M @ A_y
         by_u = pulled_v @ G + G.T @ M @ rates.A_u
         if self._follows:

@@ -98,7 +98,7 @@ class Step:
             d, chart = stage.slopes, stage.chart
             slope_y = chart.rate_by_start @ eta + chart.rate_by_y @ dy + chart.rate_by_u @ du
             moved = chart.by_start @ eta + chart.by_y @ dy
-            moved[driven], du[driven] = at, fast
+            moved[driven], du[driven] = at, fast  # told, whatever the stepper has made of them
             slope_u = d.da_dy @ moved + d.da_dv @ du + np.hstack([d.da_dtau, by]) @ rest
             if isinstance(d, ByDrive):
                 slope_u += d.da_ddrive @ hard
@@ -129,7 +129,7 @@ def differentiated_step(slopes: PointDerivatives, t: float, x: Array, h: float) 
         asked = equations.evaluate(t + share * h, np.concatenate([state, work]))
         now, found = slopes.stage(t + share * h, asked)
         rates.append(equations.derivative(now)[: 2 * m])
-        first = stages[0].now.point if stages else now.point
+        first = stages[0].now.point if stages else now.point  # all are in its chart
         stages.append(Stage(now, found, chart_derivatives(mechanism, first, now.point, found.dv_dy)))
     after = x + h * np.einsum("s,sn->n", np.array(WEIGHTS), np.array(rates))
     if equations.driven:  # there it is told where

@@ -96,7 +96,7 @@ class EquationsOfMotion:
         """The same at a point that is known."""
         tree, q, G = self.mechanism.tree, point.q, point.G
         v = G.dot(point.ydot)  # the method costs half as much as @ on small arrays
-        force = -tree.rnea(q, v, point.g)
+        force = -tree.rnea(q, v, point.g)  # −(M g + C) in one call
         tau, power = self._act(t, q, v)
         if tau is not None:
             force += tau
@@ -109,13 +109,11 @@ class EquationsOfMotion:
         return np.zeros(self.mechanism.nv) if tau is None else tau, power
 
     def _act(self, t: float, q: Array, v: Array) -> tuple[Array | None, float]:
-        """What acts besides gravity, (nv,), and the power of its part without a potential."""
-        tau, power = None, 0.0
+        """The same; None where nothing can act."""
         if self._applied is None and self._torque is None:
-            return tau, power
+            return None, 0.0
         self.explicit.counters.force_evaluations += 1
-        if self._applied is not None:
-            tau, power = self._applied.torque_at(q, v)
+        tau, power = (None, 0.0) if self._applied is None else self._applied.torque_at(q, v)
         if self._torque is not None:
             driven = self._torque(t, q, v)
             power += float(driven @ v)
@@ -184,13 +182,14 @@ class TorqueFunction:
 
     def __call__(self, t: float, q: Array, v: Array) -> Array:
         """τ at (t, q, v), (nv,)."""
-        given = self._supplied(t, q.copy(), v.copy())
+        given = self._supplied(t, q.copy(), v.copy())  # views of Pinocchio's own memory must not be kept
         return returned(given, (self._nv,), "torque(t, q, v)", named="(nv,) = ", t=t)
 
     def over(self, t: Array, q: Array, v: Array) -> Array:
         """τ at many states, (N, nv), whose rows may be written to."""
         states = list(zip(t.tolist(), q, v, strict=True))
         rows: list[Any] = [self._supplied(*state) for state in states]
+        # checked one by one only where something is amiss: a gradient asks for thousands
         if all(type(row) is np.ndarray and row.dtype == float and row.shape == (self._nv,) for row in rows):
             tau = np.array(rows).reshape(-1, self._nv)
             if np.all(np.isfinite(tau)):
@@ -218,6 +217,7 @@ def balancing_forces(
     """The same λ; None where they leave more than this share of the joint forces."""
     tree, split = mechanism.tree, Split(mechanism, q)
     acting = tree.zero if tau is None else tau
+    # judged by what cancels in it: at rest under gravity M a + C − τ itself may be rounding
     parts = np.array([tree.rnea(q, v, a).copy(), tree.rnea(q, v, tree.zero), acting])
     need = parts[0] - acting
     size = float(np.abs(mechanism.column_scale * parts).max(initial=0.0))
@@ -292,7 +292,7 @@ def implicit_dynamics(
     split = Split(mechanism, q)
     a, N = split.acceleration(mechanism.k(q, v)), split.free
     inertia = N.T @ M @ N
-    size = np.sqrt(np.maximum(inertia.diagonal(), 0.0))
+    size = np.sqrt(np.maximum(inertia.diagonal(), 0.0))  # light links beside heavy ones: unit diagonal
     size = 1.0 / np.where(size > 0.0, size, 1.0)
     # least squares, as motions without mass leave z to itself
     z = scipy.linalg.lstsq(inertia * size[:, None] * size, size * (N.T @ (force - M @ a)))[0]

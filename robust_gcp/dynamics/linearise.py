@@ -204,11 +204,11 @@ def limiting_eigenvalue(
 
     with np.errstate(all="ignore"):  # what is not finite says nothing
         base = moved(x[: 2 * m])
-        first = np.random.default_rng(0).normal(size=2 * m)
+        first = np.random.default_rng(0).normal(size=2 * m)  # always the same: so must be what is warned of
         basis = [first / np.linalg.norm(first)]
         H = np.zeros((DIRECTIONS + 1, DIRECTIONS))
         for k in range(DIRECTIONS):
-            small = FORWARD / float(np.abs(basis[k]).max())
+            small = FORWARD / float(np.abs(basis[k]).max())  # as far as the one that moves most may go
             change = (moved(x[: 2 * m] + small * size * basis[k]) - base) / small
             if push is not None:
                 change[m:] += push(size * basis[k])
@@ -219,7 +219,7 @@ def limiting_eigenvalue(
             H[k + 1, k] = np.linalg.norm(w)
             if not np.isfinite(H[k + 1, k]):
                 return 0j
-            basis.append(w / max(H[k + 1, k], np.finfo(float).tiny))
+            basis.append(w / max(H[k + 1, k], np.finfo(float).tiny))  # 0: invariant already
     values, vectors = np.linalg.eig(H[:-1])
     residuals = H[-1, -1] * np.abs(vectors[-1])
     settled = [complex(z) / step for z, r in zip(values, residuals, strict=True) if r <= SETTLED * abs(z)]

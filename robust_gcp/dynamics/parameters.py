@@ -96,7 +96,7 @@ class Parameters:
         inertia = self._mechanism.own_model.inertias[self._mechanism.joints[joint].index]
         at, mass = np.asarray(inertia.lever), inertia.mass
         if short == "mass":
-            change, moments = at, at @ at * np.eye(3) - np.outer(at, at)
+            change, moments = at, at @ at * np.eye(3) - np.outer(at, at)  # Steiner's
             return np.concatenate([[1.0], change, _six(moments)])
         move = np.eye(3)[AXES.index(short[-1])]
         moments = mass * (2.0 * at @ move * np.eye(3) - np.outer(at, move) - np.outer(move, at))

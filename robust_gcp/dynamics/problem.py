@@ -127,7 +127,7 @@ def initial_value_problem(
     Raises
     ------
     StateError, ClosureError, OptionError, SimulationError
-        As `maps.start.begin` does.
+        As `maps.start.initial_point` does.
     """
     require_freedom(mechanism)
     choice = MapChoice() if choice is None else choice
@@ -137,6 +137,7 @@ def initial_value_problem(
         q = driven_start(mechanism, drive, q0, v0, mode, choice, counters)
     start = initial_point_of_motion(mechanism, q, v0, mode, choice.options, counters)
     if drive is not None:
+        # v0 that is left out is at rest, and the drive may begin with a velocity
         start.ydot = start.ydot.copy()
         start.ydot[drive.driven] = drive.motion_at(drive.start)[1]
     return Problem(start, torque, choice, drive)

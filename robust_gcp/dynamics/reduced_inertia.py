@@ -52,6 +52,7 @@ class ReducedInertia:
         """
         if G.shape[1] == 1:
             direction = G[:, 0]
+            # body by body, all terms positive: Gᵀ (M G) cancels where heavy links rest on joints that move
             single = 2.0 * self._tree.kinetic(q, direction)
             # a bound that costs one product decides nearly always; NaN goes on to the stepper's own check
             if single <= self._suspect * direction.dot(direction) and single <= LOST * self._alone(direction):
@@ -62,7 +63,7 @@ class ReducedInertia:
         lost = [a <= LOST * self._alone(column) for a, column in zip(diagonal, G.T, strict=True)]
         if any(lost):
             raise self._singular(np.array(lost, dtype=float))
-        size = 1.0 / np.sqrt(diagonal)
+        size = 1.0 / np.sqrt(diagonal)  # pivots are judged whatever the masses are
         factor, info = scipy.linalg.lapack.dpotrf(inertia * size[:, None] * size, lower=1)
         if info > 0 or factor.diagonal().min(initial=1.0) ** 2 <= DEFINITE:
             raise self._singular(np.linalg.eigh(inertia * size[:, None] * size)[1][:, 0])

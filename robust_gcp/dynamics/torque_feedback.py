@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,7 +13,7 @@ from ..errors import OptionError
 from ..mechanism.differences import CENTRAL, moved_along, torque_differences
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
-from .equations import CheckedTorque, TorqueFunction, called_torque
+from .equations import TorqueFunction, called_torque
 from .loads import Wrench, one_torque
 
 TorqueSlopes = Callable[[float, Array, Array], tuple[ArrayLike, ArrayLike]]
@@ -40,7 +41,8 @@ class AppliedSlopes:
         if self._tau_slopes is not None:
             return self._given(self._tau_slopes(t, q.copy(), v.copy()))
         if self._torque is not None:
-            return self._differences(self._torque, t, q, v)
+            tree, units = self._mechanism.tree, self._mechanism.units
+            return torque_differences(tree, units, partial(self._torque, t), q, v)
         none = np.zeros((len(v), len(v)))
         return none, none
 
@@ -58,11 +60,6 @@ class AppliedSlopes:
                 f"tau_slopes(t, q, v) returned shapes {by_q.shape} and {by_v.shape}, expected ({nv}, {nv})"
             )
         return by_q, by_v
-
-    def _differences(self, torque: CheckedTorque, t: float, q: Array, v: Array) -> tuple[Array, Array]:
-        """∂τ/∂q and ∂τ/∂v of a function by central differences, (nv, nv) each."""
-        mechanism = self._mechanism
-        return torque_differences(mechanism.tree, mechanism.units, lambda q, v: torque(t, q, v), q, v)
 
 
 def slopes_of_all(
@@ -120,7 +117,7 @@ def followed(
         along, faster = G[:, :, j], dv_dy[:, :, j]
         for by, dq, dv in ((by_y, along, faster), (by_u, np.zeros(v.shape), along)):
             reach = np.maximum(np.abs(dq / units).max(axis=1), np.abs(dv / size).max(axis=1))
-            h = (CENTRAL / reach)[:, None]
+            h = (CENTRAL / reach)[:, None]  # as far as the joint that moves most may go
             ahead, behind = (function.over(t, moved_along(tree, q, s * dq), v + s * dv) for s in (h, -h))
             with np.errstate(all="ignore"):  # whoever asks looks at what is not finite
                 by[:, :, j] = (ahead - behind) / (2.0 * h)

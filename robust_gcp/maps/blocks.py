@@ -80,7 +80,7 @@ class BlockFactor:
         self._kl = int((i - j).max(initial=0))
         self._ku = int((j - i).max(initial=0))
         self._banded = NARROW * (2 * self._kl + self._ku + 1) <= self._n
-        height = 2 * self._kl + self._ku + 1
+        height = 2 * self._kl + self._ku + 1  # row exchanges fill kl more diagonals
         self._band = np.zeros((height, self._n), order="F")
         self._band_from, self._band_at = (i, j), (self._kl + self._ku + i - j, j)
 
@@ -104,10 +104,10 @@ class BlockFactor:
         a, b, c, d = K_d.ravel().tolist()
         det = a * d - b * c
         square = a * a + b * b + c * c + d * d
-        root = sqrt(max(square * square - 4.0 * det * det, 0.0))
+        root = sqrt(max(square * square - 4.0 * det * det, 0.0))  # σ₁² + σ₂² = square, σ₁ σ₂ = |det|
         self.worst = 2.0 * abs(det) / (square + root) if square > 0.0 else 0.0
         self.det, self.rcond = np.array([det]), np.array([self.worst])
-        r = 1.0 / det if det else np.nan
+        r = 1.0 / det if det else np.nan  # not finite, as LAPACK's: whoever asks looks
         self._inverse = np.array([[d * r, -b * r], [-c * r, a * r]])
 
     def _measure(self, K_d: Array) -> None:
@@ -126,7 +126,7 @@ class BlockFactor:
             piece = K_d[grid]
             norm = float(np.abs(piece).sum(axis=0).max())
             lu, pivots, info = scipy.linalg.lapack.dgetrf(piece)
-            swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))
+            swaps = int(np.count_nonzero(pivots != np.arange(len(pivots))))  # a factor of −1 each
             det[i] = float(np.prod(lu.diagonal())) * (-1.0 if swaps % 2 else 1.0)
             regular = info == 0 and np.isfinite(norm)
             estimate = float(scipy.linalg.lapack.dgecon(lu, norm)[0]) if regular else 0.0

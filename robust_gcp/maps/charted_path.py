@@ -55,6 +55,7 @@ class ChartedPath(RegularPath):
         assert anchor.origin is not None
         w = charts.apart(anchor.origin, anchor.q[charts.iq])
         delta = (y - anchor.y)[charts.inputs]
+        # y holds w and G maps velocities: without dexp⁻¹(w) the prediction errs by |w| of the step itself
         led = charts.rate(anchor.origin, w, anchor.G[charts.iv] @ (y - anchor.y))[charts.own]
         aim = y.copy()
         aim[charts.inputs] += delta - led
@@ -93,7 +94,7 @@ class ChartedPath(RegularPath):
         """K D: columns of joints in charts by w instead of their own axes."""
         assert origin is not None
         charts, turned = self.charts, K.copy()
-        D = charts.turn(origin, charts.apart(origin, q[charts.iq]))
+        D = charts.turn(origin, charts.apart(origin, q[charts.iq]))  # velocities by ẇ: Newton moves w
         scale = self._scale[charts.iv]
         turned[:, charts.iv] = (K[:, charts.iv] / scale) @ D * scale
         return turned

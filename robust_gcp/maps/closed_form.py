@@ -121,7 +121,7 @@ class FourBar:
         object.__setattr__(self, "_turns", (0.0, 0.0))
         low, high = self.reach
         angles = self._pose(0.0 if low == 0.0 else PI if high == PI else 0.5 * (low + high))[:2]
-        turns = tuple(-2.0 * PI * math.ceil((a - PI) / (2.0 * PI) - 1e-9) for a in angles)
+        turns = tuple(-2.0 * PI * math.ceil((a - PI) / (2.0 * PI) - 1e-9) for a in angles)  # π itself stays
         object.__setattr__(self, "_turns", turns)
 
     @property
@@ -194,12 +194,13 @@ class FourBar:
         sh, ch = (math.sin(0.5 * y), math.cos(0.5 * y)) if math.isfinite(y) else (math.nan, math.nan)
         s1, s2 = math.sqrt(p) * sh, math.sqrt(p) * ch
         rr = f.d * f.d + s1 * s1
+        # of two forms that are equal the one that cancels less
         square1 = f.b1 - s2 * s2 if -f.c1 > f.b1 else f.c1 + s1 * s1
         square2 = f.b2 - s1 * s1 if -f.c2 > f.b2 else f.c2 + s2 * s2
         if not (square1 >= 0.0 and square2 >= 0.0):
             reach = "{:.15g} <= |y| <= {:.15g} rad, y modulo 2 pi in (-pi, pi]".format(*self.reach)
             raise OptionError(f"y = {y!r} is out of reach of {self}, which needs {reach}")
-        s1 = math.sqrt(square1) if f.c1 else s1
+        s1 = math.sqrt(square1) if f.c1 else s1  # signed at change points: |s1| would jump to the other mode
         s2 = math.sqrt(square2) if f.c2 else s2
         beta, psi = f.beta[0] + f.beta[1] * y, f.psi[0] + f.psi[1] * y
         if f.still:

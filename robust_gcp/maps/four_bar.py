@@ -175,7 +175,7 @@ class FourBarMap(Unaware):
         curvature = sign * second
         one = np.ones(1)
         q = sign * (theta - offset)
-        q[0] = y[0]
+        q[0] = y[0]  # to the last bit, which sign and offset do not keep
         return Point(y.copy(), ydot.copy(), q, G, curvature * float(ydot[0]) ** 2, curvature, one, one)
 
     def _distance(self, linkage: FourBar, start: Point) -> float:
@@ -183,4 +183,5 @@ class FourBarMap(Unaware):
             point = self._point(linkage, start.y, start.ydot, start.q)
         except OptionError:
             return np.inf
+        # q decides; where the assemblies meet, at a change point, both have it and G decides
         return float(np.abs(point.q - start.q).max() + 1e-3 * np.abs(point.G - start.G).max())

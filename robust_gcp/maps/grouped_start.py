@@ -58,7 +58,7 @@ def initial_point_of_motion(
     q = mechanism.configuration(q0, "q0")
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)
-    mode = by_number(mechanism, q, mode)
+    mode = by_number(mechanism, q, mode)  # the rest would number its own modes
     own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
     rest = initial_point(
         groups.rest, q[groups.rest_iq], _velocities_of_rest(groups, q, v), own, options, counters
@@ -85,6 +85,7 @@ def start_on_groups(groups: Groups, rest: Start, first: GroupPoint) -> GroupStar
 
 def _of_rest(groups: Groups, mode: Array) -> Array:
     """The tangent of a mode (nv, m) without the joints on groups: the span of their other rows."""
+    # of a floating base's m columns some move nothing of the rest: its m largest left vectors are the span
     U = np.linalg.svd(mode[groups.rest_iv] / groups.rest.column_scale[:, None])[0]
     tangent: Array = groups.rest.column_scale[:, None] * U[:, : groups.rest.m]
     return tangent

@@ -65,7 +65,7 @@ def pendulum(t: ArrayLike, y0: float, ydot0: float, A: float, B: float) -> Tripl
         _, sn, cn, dn = _jacobi(omega * time + _first_kind(sine / k, rate / k, rest), rest)
         angle = 2.0 * np.arctan2(k * sn, dn)
         return down + angle, 2.0 * k * omega * cn, -2.0 * omega**2 * k * sn * dn
-    turn, m1 = math.copysign(1.0, rate), abs(rest) / k**2
+    turn, m1 = math.copysign(1.0, rate), abs(rest) / k**2  # parameter above 1: DLMF 22.17
     half, sn, cn, dn = _jacobi(k * omega * time + _first_kind(turn * sine, cosine, m1), m1)
     return down + 2.0 * turn * half, 2.0 * k * omega * turn * dn, -2.0 * omega**2 * turn * sn * cn
 
@@ -86,7 +86,7 @@ def _jacobi(u: Array, m1: float) -> tuple[Array, Array, Array, Array]:
         sech = 1.0 / np.cosh(np.clip(u, -700.0, 700.0))
         return 2.0 * np.arctan(np.tanh(0.5 * u)), np.tanh(u), sech, sech
     period = 2.0 * float(scipy.special.ellipkm1(m1))
-    count = np.round(u / period)
+    count = np.round(u / period)  # sn, cn change sign each 2 K: far times lose no digits to the recursion
     u = u - count * period
     u = np.where(np.abs(u) < 1e-60, 1e-60, u)  # its cotangent squared must not overflow
     means = [(1.0, math.sqrt(m1))]

@@ -82,6 +82,7 @@ class ProjectionMap(Charted):
         self.counters.zone_evaluations += 1
         N = Vt[numerical_rank(s, self.threshold) :].T
         scale = mechanism.column_scale[:, None]
+        # dimensionless: an orthogonal projection of radians beside metres would depend on the units
         projected = scale * (N @ (N.T @ (self.anchor.G / scale)))
         try:
             G = projected @ np.linalg.inv(projected[path.independent])
@@ -92,7 +93,7 @@ class ProjectionMap(Charted):
             ) from error
         zero = np.zeros(mechanism.nv)
         det, rcond = path.conditioning(q)
-        curvature = zero if path.m == 1 else None
+        curvature = zero if path.m == 1 else None  # the paper's g = 0, Eq. (7)
         return Point(y, ydot, q, G, zero, curvature, det, rcond, float(rcond.min(initial=1.0)))
 
     def _close(self, q: Array) -> Array:
@@ -108,7 +109,7 @@ class ProjectionMap(Charted):
             if np.abs(phi).max(initial=0.0) <= 1e-15:
                 break
             K = mechanism.scaled(mechanism.K(q))[:, path.dependent]
-            step = np.linalg.pinv(K, rcond=self.threshold) @ phi
+            step = np.linalg.pinv(K, rcond=self.threshold) @ phi  # K⁻¹ would leap where rank is lost
             dv = np.zeros(mechanism.nv)
             dv[path.dependent] = -step * mechanism.column_scale[path.dependent]
             q = mechanism.tree.integrate(q, dv)

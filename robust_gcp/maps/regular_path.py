@@ -220,9 +220,10 @@ class RegularPath:
             place: Array = np.empty(self.tree.nq)
             place[self.iq] = y
             return self.derivatives(self.closed_at(place), y, ydot)
+        # with the curvature the prediction errs by the third order, and modes beside it part at the first
         q, dv = self.predict(anchor, y)
         point = self.settle(q, y, ydot, origin=anchor.origin)
-        if point is not None and point.correction > 0.0:
+        if point is not None and point.correction > 0.0:  # else q was closed already: nothing was predicted
             point.distance, point.turn = self.size(dv), self.turn(dv)
         return point
 
@@ -264,7 +265,7 @@ class RegularPath:
         return self.implicit.residual(), self.implicit.jacobian()
 
     def _bias(self, q: Array, v: Array) -> Array:
-        self.tree.rnea(q, v, self.tree.zero)
+        self.tree.rnea(q, v, self.tree.zero)  # bodies' accelerations at v̇ = 0: what k is
         return self._column_scale * self.factor.solve(self.implicit.bias())
 
     def _move(self, q: Array, dv_dependent: Array, origin: Array | None) -> Array:

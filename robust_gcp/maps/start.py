@@ -108,6 +108,7 @@ def initial_point(
         require_velocity_in_mode(mechanism, v, point.G)
         require_lasting_mobility(path, point)
         return Start(path, point, ydot)
+    # K itself must count as singular where K_d did: a start between the two tolerances would be told a toggle
     picture = analyse(mechanism, q, rank_tolerance=10.0 * SINGULAR_START)
     counters.second_order += 1
     counters.svds += 1
@@ -139,6 +140,7 @@ def initial_point(
     trackers = None if contact is None else _in_contact(contact, number, G, options, counters)
     if trackers is None:
         trackers = _beside(mechanism, q, G, options, counters)
+    # from the bridge: G to rounding where the tangent is known to second order only, and g
     return Start(path, ClusterMap(path, point, options, trackers=trackers).point_at(y, ydot), ydot, trackers)
 
 
@@ -161,7 +163,7 @@ def _in_contact(
             number = contact.number(np.linalg.solve(space.turn(contact.x), own), number, options)
         curve = contact.mode(number, options)
     except NoBridgeError as failure:
-        if contact.found.kind == "meets" and contact.found.order == 1:
+        if contact.found.kind == "meets" and contact.found.order == 1:  # cross: their tangents serve
             return None
         raise NotCertifiedError(f"start where modes touch: {failure}") from failure
     u = curve.u(contact.x)
@@ -283,7 +285,7 @@ def _beside(
         space = space_of(mechanism, cluster, q[cluster.iq])
         x = space.x(q[cluster.iq])
         sigma = space.factors(x)[1]
-        if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:
+        if space.nd == 0 or sigma[space.nd - 1] > 10.0 * SINGULAR_START * sigma[0]:  # as it was analysed
             continue
         own = np.linalg.solve(space.turn(x), tangent[cluster.iv][:, cluster.inputs])
         trackers[cluster.index] = tracker_on_mode(

@@ -38,6 +38,7 @@ def structured(
         factor.factor(K)
         seen.append(factor.rcond)
     large = np.array([len(block.rows) > 2 for block in blocks])
+    # LAPACK's estimate is far below 1 of good blocks too, so its best counts as 1; poor everywhere stays poor
     factor.reference = np.where(large, np.maximum(np.max(seen, axis=0), 1e-6), 1.0)
     return factor
 

@@ -65,6 +65,7 @@ class Place:
 
     def move(self, dv: Array) -> Placement:
         """Move on by dv (nv,), each part along its own columns; the placement there."""
+        # exponentials of the joints' screws are analytic in dv; Pinocchio's placements are of real numbers
         self._moved = self._moved @ exponentials(self._own @ (self._start.J * dv[:, None]))
         self._shift = self._shift + dv
         whole = self._moved.copy()
@@ -90,7 +91,7 @@ def exponentials(twists: Array) -> Array:
     square = np.einsum("ni,ni->n", angular, angular)
     sine, cosine, rest = (np.zeros_like(square) for _ in range(3))
     term = np.ones_like(square)  # (−θ²)^k / (2k)!
-    for k in range(16):
+    for k in range(16):  # by series: sin θ / θ is analytic in θ², where complex θ has branches
         sine = sine + term / (2 * k + 1)
         cosine = cosine + term / ((2 * k + 1) * (2 * k + 2))
         rest = rest + term / ((2 * k + 1) * (2 * k + 2) * (2 * k + 3))
@@ -131,6 +132,7 @@ class Circle:
         angles, radius = np.pi * np.arange(HALF + 1) / HALF, float(self.radius[0])
         orders = np.arange(1, ORDERS)
         G = np.array([value.G[:, 0] for value in self.values])
+        # G = γ' is sampled, as γ has a constant of integration: coefficients are integrated term by term
         rates = ((_mirrored(HALF) * np.exp(-1j * np.outer(orders - 1, angles))) @ G).real
         terms = np.zeros((ORDERS, 1, G.shape[1]))
         terms[1:, 0] = radius * rates / orders[:, None]

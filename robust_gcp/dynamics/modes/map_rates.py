@@ -74,7 +74,7 @@ class ClusterRates:
         """The way in y, of unit length along the mode without units, in which K becomes regular fastest.
 
         With U and V the singular vectors of the r smallest singular values, V normal to the mode, K becomes
-        regular along d as Uᵀ φ''[G d, V] does (METHOD: the gradient of σ_min for r = 1).
+        regular along d as Uᵀ φ''[G d, V] does, the gradient of σ_min for r = 1.
         """
         scale, m = self.scale, len(self.independent)
         unit = G * scale[self.independent]
@@ -83,8 +83,9 @@ class ClusterRates:
             return np.asarray(scale[self.independent] / length)
         nd = len(self.dependent)
         U, s, Vt = np.linalg.svd(self.rates.products_at(place, self._still, self._still).x_q * scale)
-        r = max(1, int(np.sum(s[:nd] < 2.0 * s[nd - 1] + 1e-6)))
+        r = max(1, int(np.sum(s[:nd] < 2.0 * s[nd - 1] + 1e-6)))  # all that vanish with the smallest
         T = np.linalg.qr(unit / scale[:, None])[0]
+        # near the place null vectors of K mix with the mode's own tangents
         beside = Vt[nd - r :].T - T @ (T.T @ Vt[nd - r :].T)
         V = np.linalg.svd(beside)[0][:, :r]
         pairs = np.array(
@@ -117,7 +118,7 @@ class ClusterRates:
             K = self.rates.products_at(self.rates.real(q), self._still, self._still).x_q
             dv = self._solver(K)(self._extended.residual(q).astype(float))
             before, size = size, float(np.abs(dv / self.scale).max(initial=0.0))
-            if not size < 0.5 * before:
+            if not size < 0.5 * before:  # all that is left is the rounding of q itself
                 break
             q = tree.integrate(q, dv)
         return q
@@ -184,6 +185,7 @@ class ClusterRates:
     def _solver(self, K: Array) -> Callable[[Array], Array]:
         """[0; −K_d⁻¹ rows] of rows, in the least-squares sense over redundant ones."""
         scale, nv = self.scale[self.dependent], len(self._still)
+        # complex on circles; and no normal equations, which would square the conditioning
         Q, R = np.linalg.qr(K[:, self.dependent] * scale)
         size = np.abs(np.diag(R))
         if size.min(initial=1.0) < LOST * size.max(initial=1.0):
@@ -222,6 +224,7 @@ def rounding(rates: ClusterRates, q: Array) -> tuple[Array, float]:
         q = rates.closed(q)
         here, change = parts(q), 0.0
         for seed in range(1, SAMPLES + 1):
+            # φ and q are off by independent roundings: the first moves q along the dependent joints by 1/σ
             sign = np.random.default_rng(seed).choice([-1.0, 1.0], len(scale) + rates.cluster.loops.nc)
             moved = rates.reopened(q, ROUNDINGS * EPS * sign[len(scale) :])
             moved = tree.integrate(moved, ROUNDINGS * DOUBLE * sign[: len(scale)] * scale)

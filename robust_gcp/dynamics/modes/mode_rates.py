@@ -137,7 +137,7 @@ class ModeRates:
             G = point.G[np.ix_(cluster.iv, cluster.inputs)]
             if self._remembered(rates, point, np.ones(n), G) is not None:
                 continue
-            if n == 2 and not self._lost(rates, point):
+            if n == 2 and not self._lost(rates, point):  # a torus takes a second
                 continue
             try:
                 if n == 2:
@@ -158,6 +158,7 @@ class ModeRates:
         q = point.q[rates.cluster.iq]
         cluster = rates.cluster
         G, g = point.G[np.ix_(cluster.iv, cluster.inputs)], point.g[cluster.iv]
+        # the map's own G and g serve; nearer they have lost digits themselves, and are found anew below
         if point.conditioning >= self._zone:
             return rates.along(rates.rates.real(q), u, G, g)
         found = self._remembered(rates, point, u, G)
@@ -182,7 +183,7 @@ class ModeRates:
                 continue
             found = around.rates_at(y, u)
             off = 0.0
-            if tree.vector_space:
+            if tree.vector_space:  # on groups G alone tells the mode
                 off = float(np.abs((q - around.q - around.moved(y)) / rates.scale).max())
             if off < SAME_MODE and _apart(rates, found.G, G) < SAME_WAY:
                 return found
@@ -199,7 +200,7 @@ class ModeRates:
                 point.y,
             )
         if len(inputs) > 1:
-            return self._circle(rates, point, place, u, G).mean()
+            return self._circle(rates, point, place, u, G).mean()  # of this u alone: not kept
         kept = self._circle(rates, point, place, np.ones(1), G).around(point.q[cluster.iq])
         if self._alone or cluster.loops.tree.vector_space:  # else it does not tell whose mode it is
             self._known.setdefault(cluster.index, []).append(kept)
@@ -231,6 +232,7 @@ class ModeRates:
             near, far = (walk.to(radius * side) for walk, side in zip(walks, (1.0, -1.0), strict=True))
             made = circle(rates, near.q[rates.cluster.iq], point.y[inputs], radius, u)
             there = rates.rates.real(far.q[rates.cluster.iq])
+            # going half round in complex numbers must lead to where the real mode leads straight through
             off = max(
                 float(np.abs(made.far.p - there.p).max(initial=0.0)) / rates.cluster.loops.length,
                 float(np.abs(made.far.J[:, 3:] - there.J[:, 3:]).max(initial=0.0)),

@@ -66,7 +66,7 @@ class Around:
         V_y = np.einsum("avb,a->vb", bend, u)
         w = by @ u
         A_y = np.einsum("ijkv,ia,j,k->va", third, by, w, w)
-        return MapRates(G, V_y @ u, bend, V_y, A_y, 2.0 * V_y)
+        return MapRates(G, V_y @ u, bend, V_y, A_y, 2.0 * V_y)  # ∂g/∂u = ∂Γ[u, u]/∂u = 2 Γ[u, ·]
 
     @cached_property
     def inverse(self) -> Array:

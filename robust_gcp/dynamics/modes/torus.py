@@ -70,13 +70,13 @@ def torus(rates: ClusterRates, q: Array, center: Array, ways: Array) -> Torus:
         around, there, rate[0, k], numbers[0, k] = copy.copy(place), here, G, here.q
         for j in range(1, first + 1):
             last = rate[j - 1, k]
-            ahead = last if j == 1 else 1.5 * last - 0.5 * rate[j - 2, k]
+            ahead = last if j == 1 else 1.5 * last - 0.5 * rate[j - 2, k]  # Adams–Bashforth
             there = led(rates, around, ahead @ ways[:, 0] * (turns[0][j] - turns[0][j - 1]))
             if j < first:
                 rate[j, k], numbers[j, k] = rates.slope(there), there.q
         if np.abs((there.q - here.q) / rates.scale).max() > BACK:
             raise NotCertifiedError("derivatives: the mode does not come back around the singular curve")
-    mirrored = -np.arange(first) % first
+    mirrored = -np.arange(first) % first  # the mode is real at real y: γ(ȳ) is the conjugate of γ(y)
     for part in (rate, numbers):
         part[:, second // 2 + 1 :] = part[mirrored, second // 2 - 1 : 0 : -1].conj()
     found = (np.fft.fft2(rate, axes=(0, 1)) / (first * second)).real
@@ -95,9 +95,9 @@ def _series(rates: ClusterRates, found: Array, center: Array, ways: Array, q: Ar
     size = 1.0 + float(np.abs(by_share[0, 0]).max())
     kept = by_share[:J, :K]
     error = max(
-        float(np.abs(by_share[-3:]).max()),
+        float(np.abs(by_share[-3:]).max()),  # negative orders: zero for what is analytic inside
         float(np.abs(by_share[:, -3:]).max()),
-        float(np.abs(terms[:, 1:] - other).max()),
+        float(np.abs(terms[:, 1:] - other).max()),  # ∂G₁/∂z₂ = ∂G₂/∂z₁: G is a derivative of one map
         *(float(np.abs(np.take(kept, n - 1, i)).max()) * n**2 * INSIDE**n for i, n in enumerate(TERMS)),
     )
     return Torus(Around(center, ways, terms * rates.scale, q), error / size)

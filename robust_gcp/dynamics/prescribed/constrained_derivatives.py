@@ -57,7 +57,7 @@ class DrivenDerivatives(PointDerivatives):
         own = self.mechanism.iv_independent[driven]
         rows = np.hstack([found.da_dy, found.da_dv, found.da_dtau])
         by_force = found.da_dtau[:, own]
-        shares = np.linalg.solve(by_force[driven].T, by_force[free].T).T
+        shares = np.linalg.solve(by_force[driven].T, by_force[free].T).T  # W_fd W_dd⁻¹
         rows[free] -= shares @ rows[driven]
         rows[driven] = 0.0
         by_y, by_u, by_tau = np.split(rows, [self.mechanism.m, 2 * self.mechanism.m], axis=1)
@@ -112,7 +112,8 @@ class HeldDerivatives(PointDerivatives):
         f = np.linalg.solve(S, -E @ now.a)
         tau = E.T @ f if now.tau is None else now.tau + E.T @ f
         held = replace(now, ydd=now.ydd + Y @ f, tau=tau)
-        found, whole = super().whole(t, held)
+        found, whole = super().whole(t, held)  # with f in τ and u̇, which their derivatives depend on
         by = np.hstack([found.da_dy, found.da_dv, found.da_dtau])
-        rates = np.hstack([whole.by_y, whole.by_u, np.zeros_like(whole.by_y[:, :1]).repeat(len(E.T), axis=1)])
+        still = np.zeros((E.shape[1], E.shape[1]))  # at u̇ held a does not change with τ
+        rates = np.hstack([whole.by_y, whole.by_u, still])
         return held, found, f, -np.linalg.solve(S, E @ (found.G @ by + rates))

@@ -53,6 +53,7 @@ class _Filtered:
         self._low, self._high = actuator.activation_range or (-np.inf, np.inf)
         self._tau = max(TINY, actuator.time[0])
         bends = [t0, t1, *table.times.tolist()]
+        # pieces end where a clip begins: within one the control is a line, and w has a closed form
         for bound in (*(actuator.ctrl_range or ()), *(actuator.activation_range or ())):
             bends += _crossings(table, bound)
         begins = np.unique(np.clip(bends, t0, t1))

@@ -94,7 +94,7 @@ class DrivenEquations(EquationsOfMotion):
             ydd[free] = self._inertia.solve(q, G_free, G_free.T.dot(force))
         effort = G[:, driven].T.dot(tree.rnea(q, v, G.dot(ydd) + point.g) - tau)
         self.explicit.counters.rhs += 1
-        tau[self.columns] += effort
+        tau[self.columns] += effort  # rows of G_d that are the identity: Gᵀ τ has it there
         kept = np.full(self.mechanism.nv, np.nan)
         kept[self.columns] = effort
         return Evaluation(point, v, ydd, tau, power + float(effort @ ydot[driven]), kept)

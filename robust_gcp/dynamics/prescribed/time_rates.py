@@ -73,7 +73,7 @@ class Jet:
         o = _jet(other)
         if o is None:
             return NotImplemented
-        if o.rate == 0.0 == o.bend:
+        if o.rate == 0.0 == o.bend:  # a constant power: of negative numbers too, where log has no value
             n = o.x
             slope = n * self.x ** (n - 1.0) if n != 0.0 else 0.0
             curve = n * (n - 1.0) * self.x ** (n - 2.0) if n not in (0.0, 1.0) else 0.0

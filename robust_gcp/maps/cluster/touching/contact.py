@@ -178,8 +178,10 @@ def contact_at(loops: ClosedLoops, q: Array, tolerance: float = RANK) -> Contact
             continue
         if kernel.shape[1] != 2 or bent.shape[1] != 1 or found:
             return None
+        # the modes here have mobility 1, whatever the mechanism was declared with; any one component will do
         alone = cluster if cluster.m == 1 else replace(cluster, chosen=np.zeros(1, np.int64))
         space = ClusterSpace(alone, own)
+        # the row that bends has rank beside the place; those that stay flat are redundant there too
         P = np.vstack([U[:, :rank].T, (U[:, rank:] @ bent[:, 0])[None, :]])
         x = space.x(own)
         try:

@@ -104,10 +104,11 @@ class _Attempt:
         self._bend = frame.bend(anchor.x)
         here = frame.node(anchor.x, 0.0)[0]
         first = frame.rho(here)
-        h = 0.02 * abs(first)
+        h = 0.02 * abs(first)  # κ = 1/ρ' by a difference
         kappa = h / (frame.rho(self._march(here, h)) - first)
         self._c, self._w = -first * kappa, share * abs(first * kappa)
         side = -float(np.sign(self._c))
+        # ρ is a line next to the place alone: its zero is read again from nodes about the last one
         for _ in range(6):
             us = self._c + side * self._w * np.array(SPOTS)
             near = [self._march(here, us[0])]
@@ -139,7 +140,7 @@ class _Attempt:
                 there, first = frame.node(guess, u if last else at + step)
             except (LostError, np.linalg.LinAlgError):
                 there, first = here, np.inf
-            if first > BASIN * frame.basin(there.x, self._bend):
+            if first > BASIN * frame.basin(there.x, self._bend):  # else the mode may be swapped
                 limit *= 0.5
                 if limit < 1e-9:
                     break
@@ -158,7 +159,7 @@ class _Attempt:
         if abs(kappa - self.order) > WHOLE or self.order < 1:
             raise NoBridgeError(f"the modes meet to the order {kappa:.2f}, which is no whole number")
         nodes = list(near)
-        for u in us[::-1]:
+        for u in us[::-1]:  # the nearest first: extrapolated least, and known to the next
             mirrored = 2.0 * self._c - u
             guess = np.asarray(chebyshev.chebval((mirrored - self._c) / self._w, self._series(us, nodes)))
             node, first = frame.node(guess, mirrored)
@@ -167,6 +168,7 @@ class _Attempt:
             us.append(mirrored)
             nodes.append(node)
         far = nodes[len(near) :]
+        # a swapped mode closes to rounding as well; where it came from another order or place shows
         off, order = self._place(np.array(us[len(near) :]) - self._c, far)
         if abs(off) > SAME_PLACE * self._w or abs(order - self.order) > SAME_ORDER:
             raise NoBridgeError("from its far side the place looks another one")
@@ -229,7 +231,7 @@ class _Attempt:
             misfit = float(np.sqrt(np.mean((A @ found - b) ** 2)))
             if best is None or misfit < 0.7 * best[0]:
                 best = misfit, found
-            if misfit < 1.0:
+            if misfit < 1.0:  # more terms would follow the rounding, and swing between the nodes
                 break
         assert best is not None
         return best[1]

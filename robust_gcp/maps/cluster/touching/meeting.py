@@ -159,6 +159,7 @@ def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Me
     samples = np.linspace(-1.0, 1.0, 41)
     if np.abs(chebyshev.chebval(samples, curve.g)).max() <= INSIDE:
         return Meeting("inside", (), curve.size, curve)
+    # what is no meeting to rounding may be one with a gap; simple zeros are real in both
     places, gap = divisor(curve, closure_tolerance)
     if all(p == 1 for _, p in places):
         again = divisor(curve, largest_gap)
@@ -169,6 +170,7 @@ def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Me
     if any(p > 1 and p % 2 for _, p in places):
         return Meeting("cusp", found, gap, curve)
     if any(p > 1 for _, p in places):
+        # w − w₀ = ±√(−2g/f_ww) must be real: the powers are even, so the quotient has the sign of g
         quotient = _divided(curve.g, curve.R, places)[1]
         real = -float(chebyshev.chebval(next(s for s, p in places if p > 1), quotient)) * bent > 0.0
         return Meeting("meets" if real else "isolated", found, gap, curve)
@@ -192,7 +194,7 @@ def divisor(curve: MidCurve, tolerance: float) -> tuple[list[tuple[float, int]],
             mean, p = complex(np.mean(zeros[group])), len(group)
             if p == 1 and abs(mean.imag) > 1e-13:
                 continue  # of a complex pair: no place
-            s = _refined(curve.g, mean.real, p)
+            s = _refined(curve.g, mean.real, p)  # the mean of p roots of ε^(1/p) is not known to ε itself
             if abs(mean.imag) > 1e-9 or not abs(s - mean.real) < 0.3:
                 places = None
                 break

@@ -61,7 +61,7 @@ def through_meeting(here: Jet, options: BridgeOptions, failure: NoBridgeError) -
         found = meeting(here.space, here.x, here.P, _way_to_place(here), options)
     except (LostError, np.linalg.LinAlgError):
         return extrapolated(here, options)  # more than two modes, or of corank above one
-    if found.kind not in ("meets", "cusp"):
+    if found.kind not in ("meets", "cusp"):  # a place where second order failed for another reason
         raise failure
     here.space.met = (*here.space.met[1 - MOST_KEPT :], (options, found))
     return through(found, here, options)
@@ -105,6 +105,7 @@ def _order_ahead(here: Jet) -> tuple[float, float]:
     first = _first_order(tangent, way)
     step = SEEN * first
     near, _ = solved(here.space, tangent.predicted(step * way), tangent.C, tangent.y + step * way, here.P)
+    # beside a mode that hardly comes nearer, as one in the singular set, the order would be infinite
     return first, 1.0 / max((first - _first_order(near, way)) / step, 1.0 / MOST_CONTACT)
 
 

@@ -43,7 +43,7 @@ def bridge_through(found: Meeting, anchor: Jet, options: BridgeOptions) -> Curve
         Where the mode is not known well enough.
     """
     surface, u = found.curve.surface, found.curve.surface.u(anchor.x)
-    if abs(found.curve.s(u)) > 0.9:
+    if abs(found.curve.s(u)) > 0.9:  # at their ends series of x are known worst
         return None
     x0 = found.curve.values_at(u)[0]
     side = float(np.sign(surface.w(anchor.x) - surface.w(x0))) * found.parity(u)
@@ -160,18 +160,19 @@ class _Branch:
         if squared < 0.0:
             raise LostError("there is no mode on one side of the place")
         w0, away = surface.w(x0), side * float(np.sign(pi)) * float(np.sqrt(squared))
+        # Newton in w on f = 0 at this u, from ±√(−2g/f_ww): second order of Morse's lemma
         x, last = surface.point(x0 + surface.across(x0)[2] * away, u, w0 + away), np.inf
         for _ in range(12):
             slope, _, z, _ = surface.across(x)
             step = -surface.f(x) / slope
-            if abs(step) > 0.3 * abs(away):
+            if abs(step) > 0.3 * abs(away):  # towards w₀ f_w vanishes, and beyond is the other mode
                 raise LostError("the modes cannot be told apart")
             away += step
             x = surface.point(x + z * step, u, w0 + away)
             if abs(step) < 1e-16 or (abs(step) < 1e-11 and abs(step) > 0.3 * last):
                 break
             last = abs(step)
-        return away / pi, abs(slope * pi)
+        return away / pi, abs(slope * pi)  # f is known to ε, w to ε/f_w and z to ε/|f_w Π|
 
     def _series(self) -> None:
         """w as one Chebyshev series, with its derivatives; cut where coefficients are rounding."""
@@ -180,7 +181,7 @@ class _Branch:
         w = chebyshev.chebval((us - self._mid.u0) / self._mid.R, self._mid.w) + pis * chebyshev.chebval(
             s, self._z
         )
-        self._w = [chopped(fitted(w))]
+        self._w = [chopped(fitted(w))]  # before it is differentiated, which would raise rounding
         self._w += [chebyshev.chebder(self._w[0], 1) / self.R, chebyshev.chebder(self._w[0], 2) / self.R**2]
 
     def _x(self, s: float) -> Array:
@@ -206,6 +207,7 @@ class _Branch:
         """The bridge: the series where the modes are near each other, between solved points of the mode."""
         orders, center = self._found.orders, self._way.center
         spread = 0.5 * (orders[-1][0] - orders[0][0])
+        # no farther than Newton needs it: beyond, the mode's own points are better than the fit
         inner = min(INNER * self.R, half_width(sum(k for _, k in orders)) + spread)
         surface = self._surface
         C, us = surface.t[:, None], [center + side * f * inner for side in (-1.0, 1.0) for f in NODES]

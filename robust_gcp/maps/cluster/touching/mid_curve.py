@@ -53,6 +53,7 @@ class Surface:
     def __init__(self, space: ClusterSpace, x: Array, P: Array) -> None:
         self.space, self.reference = space, x
         nd = space.nd
+        # frozen from here on: else x' and x'' on S would take derivatives of the singular vectors too
         U, _, Vt = np.linalg.svd(P @ space.K(x))
         self._U1, self._a, N = P.T @ U[:, : nd - 1], P.T @ U[:, nd - 1], Vt[nd - 1 :]
         form = np.array([self._a @ space.second(x, n) @ N.T for n in N])
@@ -73,7 +74,7 @@ class Surface:
         return float(self._a @ self.space.phi(x))
 
     def _frame(self, K: Array) -> Array:
-        return np.vstack([self._U1.T @ K, self.t, self.v])
+        return np.vstack([self._U1.T @ K, self.t, self.v])  # regular: without the row lost there
 
     def point(self, x: Array, u: float, w: float) -> Array:
         """The point of S at (u, w), by Newton from a guess.
@@ -123,7 +124,7 @@ class Surface:
         for _ in range(MAX_NEWTON):
             slope, bend, z, z_w = self.across(x)
             dw = -slope / bend if bend else np.inf
-            if not abs(dw) <= 0.5:
+            if not abs(dw) <= 0.5:  # f_ww is about to vanish: a third mode, or none
                 break
             x = self.point(x + z * dw + 0.5 * z_w * dw**2, u, self.w(x) + dw)
             if abs(dw) < 1e-15 or (abs(dw) < STAGNANT and abs(dw) > 0.3 * last):
@@ -171,6 +172,7 @@ class MidCurve:
         values = [[surface.f(x), surface.across(x)[1]] for x in points]
         table = fitted(np.hstack([values, points]))
         self.tail = float(np.abs(table[-3:]).max())
+        # zeros of g are told by its coefficients, so none of these may be rounding: the last show its size
         self.g = chopped(table[:, 0], max(5e-17, 3.0 * float(np.abs(table[-3:, 0]).max())))
         self.bend, self.x = table[:, 1], table[:, 2:]
         w = self.x @ surface.v

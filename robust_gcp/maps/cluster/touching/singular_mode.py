@@ -50,7 +50,7 @@ def window(space: ClusterSpace, x: Array, P: Array, options: BridgeOptions) -> C
         curve = mid_curve(surface, x, 0.0)
     except (LostError, np.linalg.LinAlgError) as lost:
         raise NoBridgeError(str(lost)) from lost
-    if curve.size > 10.0 * INSIDE + options.closure_tolerance:
+    if curve.size > 10.0 * INSIDE + options.closure_tolerance:  # g: by how much f opens along it
         raise NoBridgeError("the mode leaves the singular set", curve.size)
     R = curve.R
     sampled = _derivatives(curve)
@@ -71,7 +71,7 @@ def window(space: ClusterSpace, x: Array, P: Array, options: BridgeOptions) -> C
 
 def _derivatives(curve: MidCurve) -> Callable[[Array], tuple[Array, Array, Array]]:
     """x with its two derivatives at many u."""
-    columns = [chopped(column) for column in curve.x.T]
+    columns = [chopped(column) for column in curve.x.T]  # one by one: joints that rest have no coefficients
     n = max(map(len, columns))
     table = np.array([np.pad(column, (0, n - len(column))) for column in columns]).T
 
