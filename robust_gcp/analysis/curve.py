@@ -208,9 +208,10 @@ class Continuation:
         distance = float(np.linalg.norm(way))
         if distance > REACH or t @ way <= 0.5 * distance:
             return None  # behind, or on another curve
-        if distance > 1.2 * PASSING:
+        if distance > 1.2 * PASSING:  # nearer, K has too few digits for more steps
             return distance - PASSING, star
         directions = self.directions(self.known(star)[1])
+        # the place may be one of another strand that passes here, whose tangents do not lead to q
         aligned = max((abs(float(way @ u)) for u in directions), default=distance)
         return (0.0, star) if aligned > 0.9 * distance else None
 
@@ -263,7 +264,7 @@ class Continuation:
         if len(curve.q) == 1:
             beside = rank_along(self.mechanism, star, (self.scale * t)[:, None])
             curve.corank = self.rank - beside if beside else 0
-        for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):
+        for distance in (PASSING, 0.5 * PASSING, 0.25 * PASSING):  # straight on: the mode bends by the square
             ahead = self.moved(star, distance * t, curve.corank)
             if self.mechanism.closure_residual(ahead) > CLOSED:
                 continue

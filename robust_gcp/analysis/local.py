@@ -181,6 +181,7 @@ def _to_second_order(mechanism: ClosedLoops, q: Array, rank_tolerance: float) ->
         kind, modes, words = _coupled(forms, kernel)
     if modes:
         modes = in_order(modes, mechanism.column_scale)
+        # of the smallest mode: on larger ones rows are redundant
         generic = rank + kernel.shape[1] - min(_dimension(mode) for mode in modes)
     if modes and flat.shape[1]:
         # what second order leaves flat must be redundant along every mode

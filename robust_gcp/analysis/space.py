@@ -125,6 +125,7 @@ class _Search:
         curve = self.continuation.trace(curve)
         if not curve.closed:
             row, last = (curve.passes[0] if curve.passes else (-1, 0, 0)), len(curve.q) - 1
+            # a singular point that it began at is on both halves
             back = Curve([curve.q[0]], [-curve.tangents[0]], [row] if row[0] == 0 else [])
             back = self.continuation.trace(back)
             n = len(back.q) - 1

@@ -90,7 +90,7 @@ def linear_modes(forms: Sequence[Array]) -> tuple[list[Array], bool]:
     found: list[Array] = []
     more = False
     tries = 0
-    while tries < TRIES * (2 + len(found)) and len(found) < 2**r:
+    while tries < TRIES * (2 + len(found)) and len(found) < 2**r:  # Bézout: r quadrics have no more
         tries += 1
         w = _zero(basis, np.asarray(rng.normal(size=n)))
         if w is None:

@@ -125,7 +125,7 @@ class EquationsOfMotion:
         rate = np.empty(2 * self.m + self.works)
         rate[self._y] = self.explicit.rate(evaluation.point)
         rate[self._ydot] = evaluation.ydd
-        if self.works:
+        if self.works:  # W is integrated beside: energies are checked against it
             rate[-1] = evaluation.power
         return rate
 

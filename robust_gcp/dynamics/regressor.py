@@ -54,7 +54,7 @@ class TorqueRegressor(threading.local):
     def matrix_at(self, q: Array, v: Array, a: Array) -> Array:
         """Y at (q, v, a)."""
         Y = np.array(pin.computeJointTorqueRegressor(self._model, self._data, q, v, a))
-        return np.hstack([Y, np.diag(a)])
+        return np.hstack([Y, np.diag(a)])  # rotors, which Pinocchio leaves out of it
 
 
 def torque_regressor(mechanism: Mechanism) -> TorqueRegressor:

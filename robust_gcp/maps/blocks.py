@@ -92,7 +92,6 @@ class BlockFactor:
             return
         ordered = K_d[self._order]
         if self._banded:
-            self._band[:] = 0.0
             self._band[self._band_at] = ordered[self._band_from]
             self._lu, self._pivots, self._info = scipy.linalg.lapack.dgbtrf(self._band, self._kl, self._ku)
         else:

@@ -138,7 +138,7 @@ class Stretch:
         """When a distance is zero; the nearer end where it keeps its sign."""
         t0, t1 = self.t0, self.t1
         f0, f1 = ahead(t0), ahead(t1)
-        if not f0 * f1 < 0.0:
+        if not f0 * f1 < 0.0:  # x has passed it; y of the interpolant may not quite
             return t1 if abs(f1) <= abs(f0) else t0
         return float(scipy.optimize.brentq(ahead, t0, t1, xtol=4.0 * np.spacing(t1)))
 

@@ -193,7 +193,7 @@ def _beside_place(
         return None
     number, own = found
     tangent, iv = picture.modes[number].reshape(len(picture.kernel), -1).copy(), contact.space.cluster.iv
-    tangent[iv] = np.outer(own, own @ tangent[iv] / (own @ own))
+    tangent[iv] = np.outer(own, own @ tangent[iv] / (own @ own))  # beside the place it is not the place's
     return number, tangent
 
 

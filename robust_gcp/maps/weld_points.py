@@ -51,6 +51,7 @@ def meeting_points(mechanism: ClosedLoops, rows: NDArray[np.int64], dependent: N
     for i in welds:
         most = 2  # three have to leave for the rows to fall apart
         for point, still in mechanism.of_loops.once(("still about", i), partial(_candidates, mechanism, i)):
+            # at both configurations: axes may meet in one pose by chance
             leaving = min(int(np.isin(velocities, dependent).sum()) for velocities in still)
             if leaving > most:
                 most, points[i] = leaving, point
@@ -66,6 +67,7 @@ def _candidates(mechanism: ClosedLoops, weld: int) -> list[tuple[Array, list[lis
     for (joint, place), (other, _) in zip(sides, sides[::-1], strict=True):
         beyond = set(model.supports[other])
         tail = [k for k in reversed(list(model.supports[joint])) if k not in beyond]
+        # three revolute joints whose axes meet are a spherical one too
         for centre in _centres(mechanism.tree, tail[:3], configurations[0]):
             still = [_still(mechanism, tail, centre, q) for q in configurations]
             found.append((np.array(place.actInv(centre)), still))

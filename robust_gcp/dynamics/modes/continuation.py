@@ -91,6 +91,7 @@ def exponentials(twists: Array) -> Array:
     square = np.einsum("ni,ni->n", angular, angular)
     sine, cosine, rest = (np.zeros_like(square) for _ in range(3))
     term = np.ones_like(square)  # (−θ²)^k / (2k)!
+    # as far as π³²/32! = 3e-20
     for k in range(16):  # by series: sin θ / θ is analytic in θ², where complex θ has branches
         sine = sine + term / (2 * k + 1)
         cosine = cosine + term / ((2 * k + 1) * (2 * k + 2))
@@ -213,6 +214,6 @@ def led(rates: ClusterRates, place: Place, dv: Array) -> Placement:
         if iteration == 0 and not first < CORRECTION * size:
             raise NotCertifiedError("derivatives: the mode cannot be followed around the singular place")
         here = place.move(dv)
-        if residual < CLOSED or first < 1e-15:
+        if residual < CLOSED or first < 1e-15:  # φ of long chains rounds to more than CLOSED
             break
     return here

@@ -161,7 +161,7 @@ class ModeRates:
         # the map's own G and g serve; nearer they have lost digits themselves, and are found anew below
         if point.conditioning >= self._zone:
             return rates.along(rates.rates.real(q), u, G, g)
-        found = self._remembered(rates, point, u, G)
+        found = self._remembered(rates, point, u, G)  # `rounding` would take three times as long
         if found is not None:
             return found
         q, change = rounding(rates, q)

@@ -74,6 +74,7 @@ def torus(rates: ClusterRates, q: Array, center: Array, ways: Array) -> Torus:
             there = led(rates, around, ahead @ ways[:, 0] * (turns[0][j] - turns[0][j - 1]))
             if j < first:
                 rate[j, k], numbers[j, k] = rates.slope(there), there.q
+        # else a branch point lies inside, or another mode was met
         if np.abs((there.q - here.q) / rates.scale).max() > BACK:
             raise NotCertifiedError("derivatives: the mode does not come back around the singular curve")
     mirrored = -np.arange(first) % first  # the mode is real at real y: γ(ȳ) is the conjugate of γ(y)

@@ -66,7 +66,7 @@ class _Filtered:
     def _within(self, k: Array, t: Array) -> Array:
         """w in the pieces k, in each of which the control stays on one side of the activation's bounds."""
         passed = t - self._begins[k]
-        share = -np.expm1(-passed / self._tau)
+        share = -np.expm1(-passed / self._tau)  # of τ ẇ = u − w, u a line; 1 − e^x would cancel
         w = self._w[k] + share * (self._u[k] - self._w[k]) + self._slope[k] * (passed - self._tau * share)
         return np.clip(w, self._low, self._high)
 

@@ -194,6 +194,7 @@ def driven_start(
         end[drive.driven] = position
         # In short strides, so that the mode is followed: in one the drive might begin on another.
         for share in np.arange(1, count + 1) / count:
+            # at a velocity, so that the next prediction has γ'' along the way too
             pace = (end - start.point.y) * (STRIDE / max(float(np.abs(gap / unit).max()), STRIDE))
             point = explicit.point_at(start.point.y + share * (end - start.point.y), pace)
         return point.q

@@ -53,7 +53,7 @@ class Jet:
         return self
 
     def __abs__(self) -> Jet:
-        return -self if self.x < 0.0 else self
+        return -self if self.x < 0.0 else self  # a kink at 0, where the rate is the right one's
 
     def __sub__(self, other: Any) -> Jet:
         o = _jet(other)

@@ -105,7 +105,7 @@ def beyond(
     for k, place in enumerate(far):
         node, first = solve(guess(places, found, place), place, P)
         # On a corner the extrapolation misses the first node beyond by the width: then this is not one mode.
-        if first > FAR_SIDE[min(k, 1)] * half_width:
+        if first > FAR_SIDE[min(k, 1)] * half_width:  # on smooth modes 1e-8 of it and less
             raise NoBridgeError("beyond the singular place the mode does not go on smoothly", first)
         P = node.P
         places.append(place)

@@ -158,20 +158,19 @@ class ClusterMap(Charted):
     def _enter(self, anchor: Point, known: Mapping[int, Tracker]) -> None:
         """Put every cluster's tracker on its mode."""
         self.in_zone = True
-        old = self._trackers
-        self._trackers = []
+        old, self._trackers = self._trackers, []
         for c in self.clusters:
+            before = None if old is None else old[c.index]
             if c.index in known:
-                self._trackers.append(known[c.index].twin())
-            elif old is None or not old[c.index].space.flat:  # exponential coordinates: about this anchor
-                before = None if old is None else old[c.index]
-                made = tracker_at(self.mechanism, c, anchor, self.options, self.counters, before)
-                self._trackers.append(made)
+                tracker = known[c.index].twin()
+            elif before is None or not before.space.flat:  # exponential coordinates: about this anchor
+                tracker = tracker_at(self.mechanism, c, anchor, self.options, self.counters, before)
             else:
+                tracker = before
                 # where modes touch, or lie in the singular set, K tells no jet: the curve used last does
-                if not old[c.index].back_at(old[c.index].space.x(anchor.q[c.iq])):
-                    old[c.index].place_at(jet_at(self.mechanism, c, anchor, self.counters))
-                self._trackers.append(old[c.index])
+                if not tracker.back_at(tracker.space.x(anchor.q[c.iq])):
+                    tracker.place_at(jet_at(self.mechanism, c, anchor, self.counters))
+            self._trackers.append(tracker)
 
     def renewed(self, point: Point) -> Point:
         """See `ExplicitMap.renewed`; not on a bridge, which is in coordinates of its own."""

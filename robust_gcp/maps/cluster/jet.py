@@ -240,7 +240,7 @@ def null_pairing(space: ClusterSpace, P: Array, x: Array, way: Array, C: Array) 
     """
     B, rate = _pencil(space, P, x, way, C)
     U, s, Vt = np.linalg.svd(B)
-    r = int(np.sum(s < 1e-6))
+    r = int(np.sum(s < 1e-6))  # at a place that was found they are 1e-16, the others of order 1
     if r == 0:
         return 0, 1.0
     pairing = U[:, -r:].T @ rate @ Vt[-r:].T

@@ -177,7 +177,7 @@ def _on_patch(
                     continue
                 q = between(before, after, stretch, t, mechanism)
                 q[cluster.iq] = space.q(x)
-                corank = max(1, int(np.sum(away < SAME * h)))
+                corank = max(1, int(np.sum(away < SAME * h)))  # roots that are one; at a near miss none is 0
                 what = patch.kind, patch.closure, patch.transversality, cluster.index, corank
                 found.append(Crossing(t, q[mechanism.iq_numbers], q, *what))
     except (SimulationError, np.linalg.LinAlgError):

@@ -31,6 +31,7 @@ crossing the links of a loop turn against each other by more than three joints c
 def same_branch(before: Point, after: Point) -> bool:
     """Whether Newton, started from the prediction, stayed on the branch of `before`."""
     allowed = CORRECTION * after.distance + ROUNDING / max(after.conditioning, 1e-12)
+    # a tree has no branches, whatever its steps
     if len(after.det) and (after.turn > FARTHEST or after.correction > allowed):
         return False
     rconds = zip(before.rcond.tolist(), after.rcond.tolist(), strict=True)

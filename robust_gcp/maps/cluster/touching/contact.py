@@ -94,7 +94,7 @@ class Contact:
             off.append(float(np.linalg.norm(way - t * (t @ way)) / np.linalg.norm(way)))
         if min(off) > ASTRAY:
             raise NoBridgeError(f"the nearest mode leaves at an angle of {min(off):.1e}")
-        return int(np.argmin(off)) if max(off) > ASTRAY else number
+        return int(np.argmin(off)) if max(off) > ASTRAY else number  # modes that touch leave the same way
 
     def beside(self, options: BridgeOptions) -> tuple[int, Array] | None:
         """The mode that passes x beside the place, and its velocity there (nv,); None where both do.

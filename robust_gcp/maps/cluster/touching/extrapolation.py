@@ -120,6 +120,7 @@ class _Attempt:
                 break
         table = self._series(us, near)
         star, way = (np.asarray(chebyshev.chebval(0.0, k)) for k in (table, chebyshev.chebder(table)))
+        # in the chart of the tangent at the place: there mirrored nodes are as far from it as the near ones
         self._frame = _Frame(space, anchor.P, way / float(np.linalg.norm(way)), star)
         C = self._frame.t[:, None]
         self._through([node.recharted(C) for node in near])

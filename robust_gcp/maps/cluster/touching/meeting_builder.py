@@ -215,7 +215,7 @@ class _Branch:
         for u in us:
             guess = self.point(u - center)[0]
             jet, first = solved(surface.space, guess, C, C.T @ surface.reference + u, P)
-            if first > 1e-6:
+            if first > 1e-6:  # 1e-13 where they agree
                 raise NoBridgeError("the mode's own points lie beside its series")
             own.append(jet)
         left, right = center - inner, center + inner

@@ -162,7 +162,7 @@ class MidCurve:
         s = nodes(SAMPLES)
         start = surface.mid(x, u0)
         points = np.empty((SAMPLES, len(x)))
-        for side in (np.flatnonzero(s > 0)[::-1], np.flatnonzero(s <= 0)):
+        for side in (np.flatnonzero(s > 0)[::-1], np.flatnonzero(s <= 0)):  # each way from u₀, nearest first
             at, known = [0.0], [start]  # outward, each from those before
             for i in side:
                 ahead = NewtonForm(np.array(at[-BEFORE:]), np.array(known[-BEFORE:])[:, None])

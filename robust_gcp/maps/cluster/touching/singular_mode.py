@@ -60,6 +60,7 @@ def window(space: ClusterSpace, x: Array, P: Array, options: BridgeOptions) -> C
         Jet(space, x[0], C, slope[0][:, None], bend[0][None, None], P)
         for x, slope, bend in (sampled(np.array([u])) for u in us)
     ]
+    # of all rows: U₁ᵀ φ is zero by construction
     left = max(space.residual(x) for x in sampled(np.linspace(-0.8 * R, 0.8 * R, 15))[0])
     if left > options.closure_tolerance + space.noise(x):
         raise NoBridgeError("the mode leaves the singular set", left)
