@@ -221,7 +221,7 @@ def limiting_eigenvalue(
                 return 0j
             basis.append(w / max(H[k + 1, k], np.finfo(float).tiny))  # 0: invariant already
     values, vectors = np.linalg.eig(H[:-1])
-    residuals = H[-1, -1] * np.abs(vectors[-1])
+    residuals = H[-1, -1] * np.abs(vectors[-1])  # of Ritz pairs, from Hessenberg's last row alone
     settled = [complex(z) / step for z, r in zip(values, residuals, strict=True) if r <= SETTLED * abs(z)]
     return min(settled, key=stable_step, default=0j)
 

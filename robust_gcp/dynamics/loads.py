@@ -79,13 +79,10 @@ def one_torque(
         For a frame that the model does not have.
     """
     wrenches = wrenches_given(wrenches)
-    if torque is None or callable(torque):
-        if not wrenches:
-            return torque
-    elif not isinstance(torque, Mapping):
+    if not (torque is None or callable(torque) or isinstance(torque, Mapping)):
         torque = _constant(mechanism, torque)
-        if not wrenches:
-            return torque
+    if not (wrenches or isinstance(torque, Mapping)):
+        return torque
     functions: dict[str, Any] = {}
     places: dict[str, list[int]] = {}
     numbers: Any = torque

@@ -121,11 +121,11 @@ class RegularPath:
         """
         delta = y - anchor.y
         dv = anchor.G @ delta
-        if anchor.curvature is not None:
+        if anchor.curvature is not None:  # m = 1: γ'' serves any speed, also at rest
             move = float(delta[0])
             dv += (0.5 * move * move) * anchor.curvature
         elif self.m:
-            speed = float(anchor.ydot @ anchor.ydot)
+            speed = float(anchor.ydot @ anchor.ydot)  # at rest g is zero and tells nothing
             if speed > 0.0:
                 along = float(delta @ anchor.ydot) / speed
                 dv += (0.5 * along * along) * anchor.g

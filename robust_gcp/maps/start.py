@@ -121,7 +121,7 @@ def initial_point(
             y,
             choices,
         )
-    if not picture.modes or picture.kind == "cusp":
+    if not picture.modes or picture.kind == "cusp":  # the motion would begin where it ends
         raise NotCertifiedError(f"start at a singularity: {picture.message}", y)
     contact = contact_at(mechanism, q, 10.0 * SINGULAR_START) if _touching(mechanism, picture) else None
     number, tangent = _beside_place(contact, picture, options) or _picked(mechanism, picture, v, mode)

@@ -190,7 +190,7 @@ def circle(rates: ClusterRates, q: Array, center: Array, radius: Array, u: Array
     """
     place = Place(rates, q)
     values = [rates.rates_at(place.move(np.zeros(rates.cluster.loops.nv)), u)]
-    turns = np.exp(1j * np.pi * np.arange(HALF + 1) / HALF)
+    turns = np.exp(1j * np.pi * np.arange(HALF + 1) / HALF)  # half: γ(ȳ) is the conjugate of γ(y)
     for before, after in pairwise(turns.tolist()):
         last, step = values[-1], (after - before) * radius
         here = led(rates, place, last.G @ step + 0.5 * np.einsum("i,j,inj->n", step, step, last.bend))

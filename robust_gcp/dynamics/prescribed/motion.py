@@ -163,6 +163,7 @@ class Motion:
                     found[:] = [np.broadcast_to(f(times), times.shape) for f in self._functions]
         except Exception:  # whatever a function that takes numbers alone does with an array
             return None
+        # a function with branches may take an array and mean something else by it
         some = np.linspace(0, len(times) - 1, LOOKED_AT_AGAIN).astype(int)
         wanted = np.array([self.at(t) for t in times[some].tolist()]).T
         same = np.allclose(found[:, some], wanted, rtol=1e-13, atol=1e-13 * np.abs(found).max())
@@ -180,6 +181,7 @@ class Motion:
             before, here, after = self.at(t - NUDGE), self.at(t), self.at(t + NUDGE)
             for i, what in enumerate(("velocity", "acceleration")):
                 slope = (after[i] - before[i]) / (2.0 * NUDGE)
+                # at a kink one side agrees
                 sided = [(after[i] - here[i]) / NUDGE, (here[i] - before[i]) / NUDGE]
                 scale = abs(slope) + abs(here[i + 1]) + abs(here[i]) + 1e-6
                 if min(abs(s - here[i + 1]) for s in (slope, *sided)) > UNLIKE * scale:

@@ -68,7 +68,7 @@ def rounding(points: Iterable[Jet]) -> tuple[float, float, float]:
     """
     lost, asked, nearest = 0.0, 0.0, np.inf
     for here in points:
-        distance = max(here.delta(), APEX)
+        distance = max(here.delta(), APEX)  # nearer the motion is refused
         if isinstance(here.space, BesideApex):
             bound = least = 2e-15 / distance
         else:

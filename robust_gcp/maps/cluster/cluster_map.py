@@ -277,6 +277,7 @@ class ClusterMap(Charted):
         """
         self.anchor, self._own, self._arriving, self._arriving_met = anchor, anchor, trackers, met
         self.in_zone = trackers is not None if in_zone is None else in_zone
+        # until the numbers are read: what these trackers had met was told of
         for tracker in self._trackers or []:
             tracker.current, tracker.touched = None, []
 

@@ -80,7 +80,7 @@ class CurveBuilder:
     def _attempt(self, half_width: float) -> Curve:
         """The curve between nodes this far from the singular places."""
         anchor = self._anchor
-        # nodes of a curve through one place alone would lie beside the next one, were that nearer than 2 w
+        # places within 2 w of each other share a curve: between them no node could be w away from both
         start, ahead = self._u(anchor.x), places_ahead(anchor, 3.0 * self._zone, 2.0 * half_width)
         if ahead is None:
             raise NoBridgeError("no singular place lies ahead")
@@ -144,7 +144,7 @@ class CurveBuilder:
                 continue
             u = start
             for _ in range(10):
-                if not self._through.reaches(u):
+                if not self._through.reaches(u):  # Newton from a place of another mode or of none
                     break
                 mu = self._places(u)
                 step = nearest_of(mu).real

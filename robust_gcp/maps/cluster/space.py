@@ -70,7 +70,7 @@ class ClusterSpace:
         self.flat = self.tree.vector_space
         self.reference = np.zeros(self.tree.nq) if self.flat else reference.copy()
         self.nv, self.m = self.tree.nv, cluster.m
-        self.nd = self.nv - self.m
+        self.nd = self.nv - self.m  # not rank K, which is less at singular places
         self.rows = self.loops.nc
         self.D = np.minimum(self.loops.column_scale, WIDEST * self.loops.units)
         self.balance = self.loops.column_scale / self.D

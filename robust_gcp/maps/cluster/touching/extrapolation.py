@@ -157,7 +157,7 @@ class _Attempt:
         moved, kappa = self._place(np.array(us), near)
         self._c, self._w = moved, max(abs(u - moved) for u in us)
         self.order = round(kappa)
-        if abs(kappa - self.order) > WHOLE or self.order < 1:
+        if abs(kappa - self.order) > WHOLE or self.order < 1:  # 1.5 at a cusp, say
             raise NoBridgeError(f"the modes meet to the order {kappa:.2f}, which is no whole number")
         nodes = list(near)
         for u in us[::-1]:  # the nearest first: extrapolated least, and known to the next

@@ -157,9 +157,9 @@ def meeting(space: ClusterSpace, x: Array, P: Array, ahead: Array, options: Brid
 def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Meeting:
     """The verdict."""
     samples = np.linspace(-1.0, 1.0, 41)
-    if np.abs(chebyshev.chebval(samples, curve.g)).max() <= INSIDE:
+    if np.abs(chebyshev.chebval(samples, curve.g)).max() <= INSIDE:  # first: of zero everything is a zero
         return Meeting("inside", (), curve.size, curve)
-    # what is no meeting to rounding may be one with a gap; simple zeros are real in both
+    # what is no meeting to rounding may be one with a gap
     places, gap = divisor(curve, closure_tolerance)
     if all(p == 1 for _, p in places):
         again = divisor(curve, largest_gap)
@@ -167,7 +167,7 @@ def _judged(curve: MidCurve, closure_tolerance: float, largest_gap: float) -> Me
             places, gap = again
     found = tuple((curve.u0 + curve.R * s, p) for s, p in places)
     bent = np.sign(curve.bend[0])
-    if any(p > 1 and p % 2 for _, p in places):
+    if any(p > 1 and p % 2 for _, p in places):  # g changes sign: modes on one side alone
         return Meeting("cusp", found, gap, curve)
     if any(p > 1 for _, p in places):
         # w − w₀ = ±√(−2g/f_ww) must be real: the powers are even, so the quotient has the sign of g

@@ -104,7 +104,7 @@ class _Round:
         self.center, self._n = next((u, p) for u, p in found.places if p > 1 and p % 2)
         room = 0.98 * curve.R - abs(self.center - curve.u0)
         _, g, bend = curve.values_at(self.center + 0.5 * room)
-        self.side = 1.0 if -g * bend > 0.0 else -1.0
+        self.side = 1.0 if -g * bend > 0.0 else -1.0  # where the modes are real
         self.reach = float(np.sqrt(room))
 
     def u(self, p: float) -> tuple[float, float, float]:
@@ -142,7 +142,7 @@ class _Branch:
             raise LostError("too few digits tell the modes apart")
         at, z, weight = np.array(rows).T
         weight /= weight.max()
-        held, degree = _degree(at, z, weight)
+        held, degree = _degree(at, z, weight)  # every second point: a fit to all has no error to show
         self._z = _fit(at, z, weight, degree)
         self._series()
         samples = [self._x(float(q)) for q in np.linspace(-0.9, 0.9, 15)]
