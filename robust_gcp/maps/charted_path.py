@@ -44,7 +44,7 @@ class ChartedPath(RegularPath):
         origin = q[charts.iq].copy() if origin is None else origin
         q[self.iq] = y[self.numbers]
         w = charts.apart(origin, q[charts.iq])
-        w[charts.own] = y[charts.inputs]
+        w[charts.own] = y[charts.inputs]  # Newton moves the others alone
         q[charts.iq] = charts.place(origin, w)
         closed = self.close(q, contracting, origin)
         return None if closed is None else self.derivatives(closed, y, ydot, origin)

@@ -57,7 +57,7 @@ def initial_point_of_motion(
         return initial_point(mechanism, q0, v0, mode, options, counters)
     q = mechanism.configuration(q0, "q0")
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
-    require_finite_energy(mechanism, v)
+    require_finite_energy(mechanism, v)  # of the whole: what carries the loops has its share
     mode = by_number(mechanism, q, mode)  # the rest would number its own modes
     own = None if mode is None else _of_rest(groups, checked_mode(mechanism, mode))
     rest = initial_point(

@@ -162,6 +162,7 @@ class Control:
 def asked_of(actuator: Actuator, control: Given) -> Callable[[float, Array, Array], float]:
     """A control, clipped, as a function (t, q, v) of any kind of it."""
     if isinstance(control, float | Table):
+        # the control itself: whoever holds it follows its activation
         curve = curve_of(replace(actuator, dynamics="none", time=()), control, 0.0, 0.0)
         return lambda t, q, v: float(curve(np.array([t]))[0])
     return _Asked(actuator, control)

@@ -100,7 +100,7 @@ class HeldTorque(TorqueFunction):
             return tau
         t0, t1 = span
         ctrl = np.full(len(self._actuators), np.nan) if controls is None else np.array(controls, dtype=float)
-        w = self.activations(t0) if active is None else active
+        w = self.activations(t0) if active is None else active  # they go on, whatever is held anew
         times = (t0, 0.5 * (t0 + t1), t1, t1) if self.stride else (t0,)
         u = [self._driven(ctrl, w, t - t0) for t in times]
         return np.concatenate([tau, *u, ctrl, w, [t0 if self.stride else 0.0]])

@@ -185,7 +185,7 @@ def _remember(here: Jet, distance: float, options: BridgeOptions, failure: NoBri
     """That there is no bridge where modes pass each other."""
     at, space = place(here), here.space
     if at.found and at.gap > options.largest_gap and failure.met is None and np.isnan(failure.separation):
-        since = 0.0 if distance <= TOLD else 0.5 * distance
+        since = 0.0 if distance <= TOLD else 0.5 * distance  # nearer than TOLD all was tried
         miss = NearMiss(options, at.x, since, str(failure), failure.residual)
         space.near_misses[:] = [*space.near_misses[1 - MAX_CURVES :], miss]
 

@@ -85,5 +85,5 @@ def whole_point(
     y: Array, ydot: Array, parts: tuple[Array, Array, Array], conditioning: float, blocks: int
 ) -> Point:
     """The point at y with these q, G and g of the clusters' product."""
-    none = np.zeros(blocks)
+    none = np.zeros(blocks)  # K_d's blocks were not factorised
     return Point(y.copy(), ydot.copy(), *parts, None, none, none, conditioning)

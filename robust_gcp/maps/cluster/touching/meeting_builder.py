@@ -58,7 +58,7 @@ def mode_through(found: Meeting, side: float, P: Array, options: BridgeOptions) 
     NoBridgeError
         Where it is not known well enough.
     """
-    if side not in found.bridges:
+    if side not in found.bridges:  # half a second, each once for a mechanism
         found.bridges[side] = _best(found, side, _Through(found), options).curve(P)
     return found.bridges[side]
 
