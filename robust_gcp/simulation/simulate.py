@@ -214,7 +214,7 @@ def simulate(
     )  # fmt: skip
     refused = {
         f"method={method!r}": method != "bridge", f"stepper={stepper!r}": not fixed,
-        "drive=": drives is not None,
+        "drive=": drives is not None and not parts,
     }  # fmt: skip
     given = (q0, v0, mode), acting, kernel, backend == "native"
     if not parts and course.restitution is None:

@@ -4,11 +4,15 @@ On regular ground the columns of N are an orthonormal basis of ker K, and p = Kâ
 spans what the map's G spans, and G's columns would be worse where y is close to turning back. At and near
 a singular place ker K is larger than the mode, or close to that: there a cluster of mobility 1 takes the
 tangent and the curvature of its motion; of larger ones there is no decision.
+
+Where joints are driven, N leaves these at rest and p has their accelerations: what a drive takes does no
+work in N, and is no unknown.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,8 +71,10 @@ class Seen:
         return None
 
 
-def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen) -> tuple[Array, Array]:
-    """N (nv, m) and p (nv,): what may move at q, and the acceleration that v alone asks for.
+def admissible(
+    mechanism: Mechanism, q: Array, v: Array, seen: Seen, driven: Driven | None = None
+) -> tuple[Array, Array]:
+    """N (nv, m) and p (nv,): what may move at q, and the acceleration that v and drives alone ask for.
 
     Raises
     ------
@@ -76,6 +82,8 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen) -> tuple[Ar
         At singular places of a cluster whose motion does not tell its mode.
     """
     nv = mechanism.nv
+    if driven is not None:
+        return driven.restricted(*admissible(mechanism, q, v, seen))
     if not mechanism.nc:
         return np.eye(nv), np.zeros(nv)
     tree, implicit = mechanism.tree, mechanism.implicit
@@ -110,6 +118,25 @@ def admissible(mechanism: Mechanism, q: Array, v: Array, seen: Seen) -> tuple[Ar
     return np.hstack(columns), p
 
 
+class Driven(NamedTuple):
+    """Joints that move as prescribed: their places in v, (k,), and their accelerations now."""
+
+    iv: NDArray[np.int64]
+    a: Array
+
+    def restricted(self, N: Array, p: Array) -> tuple[Array, Array]:
+        """N and p of motions that keep to what is prescribed."""
+        D = N[self.iv]
+        Q, R = np.linalg.qr(D.T, mode="complete")
+        k = len(self.iv)
+        p = p + N @ (Q[:, :k] @ np.linalg.lstsq(R[:k].T, self.a - p[self.iv], rcond=SINGULAR)[0])
+        return N @ Q[:, k:], p
+
+    def balanced(self, N: Array, need: Array) -> Array:
+        """What drives take, (k,), where motions along N (nv, m) need the forces `need` (nv,)."""
+        return np.asarray(np.linalg.lstsq(N[self.iv].T, N.T @ need, rcond=SINGULAR)[0])
+
+
 def _free(mechanism: Mechanism) -> Array:
     """Unit velocities of joints in no loop, (nv, n)."""
     inside = np.concatenate([cluster.iv for cluster in mechanism.clusters])
@@ -133,7 +160,8 @@ class Frame:
     q, v : ndarray (nq,), (nv,)
     seen : Seen
     tau : ndarray (nv,), optional
-        All that acts besides gravity; left out where only impulses are asked for.
+        All that acts besides gravity and drives; left out where only impulses are asked for.
+    driven : Driven, optional
 
     Attributes
     ----------
@@ -145,9 +173,10 @@ class Frame:
     """
 
     def __init__(
-        self, mechanism: Mechanism, q: Array, v: Array, seen: Seen, tau: Array | None = None
-    ) -> None:
-        self.N, self.p = admissible(mechanism, q, v, seen)
+        self, mechanism: Mechanism, q: Array, v: Array, seen: Seen, tau: Array | None = None,
+        driven: Driven | None = None,
+    ) -> None:  # fmt: skip
+        self.N, self.p = admissible(mechanism, q, v, seen, driven)
         self.M = mechanism.tree.crba(q)
         try:
             self._L = np.linalg.cholesky(self.N.T @ self.M @ self.N)

@@ -107,5 +107,7 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
     taus, held, _ = (np.array(part) for part in zip(*found[:n], strict=True))
     flat, none = np.zeros((n, len(zero))), np.zeros(n)
     bounds = np.tile(constant, (n, 1))
-    block = Block(t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, none, held, bounds, none)
+    block = Block(
+        t_kept[:n], np.tile(q, (n, 1)), flat, flat, taus, none, held, bounds, none, np.zeros((n, 0))
+    )
     return Rested(block, float(times[-1]) if broken is None else broken, broken is not None, still, fault)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from ...dynamics.equations import balancing_forces
+from ...dynamics.equations import Split, balancing_forces
 from ...dynamics.loads import Wrench
 from ...errors import ModelError, OptionError, SimulationError
 from ...mechanism.constraint.closures import PointClosure, PrismaticClosure, RevoluteClosure
@@ -22,6 +22,7 @@ from ...mechanism.tree.joints import JointKind, joint_named
 from ...mechanism.tree.tree import Array
 from ...mechanism.tree.workspace import workspace
 from ..trajectories.reactions import Loaded, closure_number
+from .admissible import Driven
 
 if TYPE_CHECKING:
     from .decision import Phase
@@ -89,7 +90,8 @@ class FrictionBounds:
         found: Array = np.tile(self.constant, (len(t), 1))
         if self.vary:
             mechanism = self.rows.mechanism
-            forces = [constraint_forces(mechanism, *x) for x in zip(t, q, v, a, tau, strict=True)]
+            states = zip(t.tolist(), q, v, a, tau, strict=True)
+            forces = [constraint_forces(mechanism, *x, self.rows.driven(x[0])) for x in states]
             n = self.reactions(mechanism, list(self._bearings), (t, q, v, a, np.array(forces)))
             for k, i in enumerate(self._bearings):
                 F = self.rows.bounds[i] + self.share[i] * np.linalg.norm(n[k], axis=1)
@@ -175,8 +177,12 @@ def _cut(mechanism: Mechanism, name: str, label: str) -> tuple[bool, Bearing]:
     return isinstance(closure, PrismaticClosure), Bearing(number, axis)
 
 
-def constraint_forces(mechanism: Mechanism, t: float, q: Array, v: Array, a: Array, tau: Array) -> Array:
+def constraint_forces(
+    mechanism: Mechanism, t: float, q: Array, v: Array, a: Array, tau: Array, driven: Driven | None
+) -> Array:
     """λ (nc,) with Kᵀ λ = M a + C − τ as nearly as may be: a may be interpolated.
+
+    τ need not have what drives take.
 
     Raises
     ------
@@ -185,6 +191,10 @@ def constraint_forces(mechanism: Mechanism, t: float, q: Array, v: Array, a: Arr
     """
     if not mechanism.nc:
         return np.zeros(0)
+    if driven is not None:
+        tau = tau.copy()
+        need = mechanism.tree.rnea(q, v, a) - tau
+        tau[driven.iv] += driven.balanced(Split(mechanism, q).free, need)
     found = balancing_forces(mechanism, q, v, a, tau, UNBALANCED)
     if found is None:
         raise undetermined(t)

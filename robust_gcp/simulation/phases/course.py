@@ -83,7 +83,12 @@ class Phases(RoundCusps):
         self._drop()
         self._armed = frozenset(i for i in self._latches if rows[i].start <= self._t)
         given = self._phase, self._state, self._ahead, self._tell
+        told = len(self.joined.happenings)
         self._phase, self._v = settled(machines.bounds, machines.acting, *given)
+        if self._rows.drive is not None:  # its impulses hold it to its motion, whatever is struck
+            kinetic, lost = self._rows.mechanism.tree.kinetic, self.joined.happenings[told:]
+            change = kinetic(self._q, self._v) - kinetic(self._q, before)
+            self.joined.take_work(change + sum(happening.loss for happening in lost))
         self.passed.turns.append(Turn(self._t, self._why, self._q, before, self._v, replace(self._phase)))
         self._why, self._ahead, self._fresh, self._size = SWITCH, None, False, FIRST
         machine = self._machine = machines.of(self._phase, self._q)
@@ -237,7 +242,7 @@ class Phases(RoundCusps):
         phase, rows, self._why = self._phase, self._rows, found.row
         if found.row < 0:
             self._ahead = self._looked_ahead()
-        elif rows.rows[found.row].kind is Kind.FRICTION:
+        elif found.row in phase.slip:
             self._tell("at rest", [i for i in phase.slip if abs(rows.E[i] @ self._v) <= REST])
         elif rows.rows[found.row].kind is Kind.SPRING:
             phase = self._phase = replace(phase, touching=phase.touching ^ {found.row})

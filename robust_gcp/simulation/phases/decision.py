@@ -13,10 +13,10 @@ import numpy as np
 
 from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
-from .admissible import Frame, Seen
+from .admissible import Frame, Seen, admissible
 from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
-from .impact import REST, Tell, settled_impacts
-from .quadratic_programs import ZERO, box, independent_rows
+from .impact import REST, Tell, require_way, settled_impacts
+from .quadratic_programs import DEPENDENT, ZERO, box, independent_rows
 from .rows import Kind, Rows
 
 if TYPE_CHECKING:
@@ -66,6 +66,8 @@ class Phase:
         Springy stops that are touched.
     latched : frozenset of int
         Locks whose event was.
+    carried : list of int
+        Rows at rest only as long as what is driven leaves them so: nothing holds them against a drive.
     """
 
     held: list[int] = field(default_factory=list)
@@ -74,6 +76,7 @@ class Phase:
     slip: dict[int, float] = field(default_factory=dict)
     touching: frozenset[int] = frozenset()
     latched: frozenset[int] = frozenset()
+    carried: list[int] = field(default_factory=list)
 
     @property
     def key(self) -> Hashable:
@@ -152,11 +155,12 @@ def _decided_with(
     if not chosen:
         return [], None
     tau = acting(t, q, v, bounds)
-    frame = Frame(rows.mechanism, q, v, state.seen, tau)
+    frame = Frame(rows.mechanism, q, v, state.seen, tau, rows.driven(t))
     E = rows.side[chosen][:, None] * rows.E[chosen]
     B = frame.rows(E)
     b = B.T @ frame.free + E @ frame.p
     size = float(np.abs(frame.acceleration).max(initial=np.abs(b).max(initial=0.0)))
+    require_way(rows, chosen, B, b, size)
     f, w = box(B, b, lower, upper, size)
     held = []
     for k, i in enumerate(chosen):
@@ -201,6 +205,7 @@ def settled(
             tell(kind, changed, 0.0)
     if phase.held:  # at rest to the last digit: the phase's mechanism begins with closed rows
         v = _still(_at_rest(rows, phase, state.q, v, state.seen), state.v)
+        phase.carried = _carried(rows, phase, state.q, v, state.seen)
     return phase, v
 
 
@@ -225,7 +230,7 @@ def _broken(
 
 def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
     """v with the rates of what is held to rounding 0, and the phase's independent rows."""
-    frame = Frame(rows.mechanism, q, v, seen)
+    frame = Frame(rows.mechanism, q, v, seen, None, rows.driven())
     E = rows.E[phase.held]
     B = frame.rows(E)
     phase.basis = [phase.held[k] for k in independent_rows(B)]
@@ -234,3 +239,14 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
         on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
         phase.offsets[i] = float(rows.at[i] if on else values[i])
     return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
+
+
+def _carried(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> list[int]:
+    """Rows at rest that the phase's independent ones would not keep so if what is driven moved."""
+    if rows.drive is None:
+        return []
+    N, _ = admissible(rows.mechanism, q, v, seen)
+    A, basis = rows.E[phase.held] @ N, rows.E[phase.basis] @ N
+    left = A - np.linalg.lstsq(basis.T, A.T, rcond=DEPENDENT)[0].T @ basis if len(basis) else A
+    moved = np.linalg.norm(left, axis=1) > DEPENDENT * np.linalg.norm(A, axis=1)
+    return [i for i, free in zip(phase.held, moved.tolist(), strict=True) if free]

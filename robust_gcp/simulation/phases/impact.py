@@ -34,6 +34,9 @@ LEAST = 5e-14
 DEAD = 1e-3
 """Share of the most that a stop's row can be moved below which its joint is at a dead point."""
 
+JAMMED = 1e-7
+"""Share of the rates or accelerations at hand from which what is driven goes against a stop or a lock."""
+
 MOST = 100
 """Impulses after each other at one instant, between stops that drive each other; then one is plastic, as
 their limit is."""
@@ -73,6 +76,31 @@ class Impulse(NamedTuple):
     share: float
 
 
+def require_way(rows: Rows, chosen: Sequence[int], B: Array, w: Array, size: float) -> None:
+    """Refuse to drive a stop or a lock where nothing gives way.
+
+    Parameters
+    ----------
+    chosen : sequence of int
+        Rows at rest, or closed.
+    B : ndarray (m, n)
+        See `Frame.rows`: 0 for a row that what is not driven does not move.
+    w : ndarray (n,)
+        Their rates, or their accelerations, of which `size` is the largest at hand.
+    """
+    if rows.drive is None:
+        return
+    idle = ~B.any(axis=0)
+    for k in np.flatnonzero(idle & (np.abs(w) > JAMMED * size)).tolist():
+        kind = rows.rows[chosen[k]].kind
+        if kind is Kind.LOCK or (kind is Kind.STOP and w[k] < 0.0):
+            names = ", ".join(rows.names([chosen[k]]))
+            raise SimulationError(
+                f"drive: {' and '.join(rows.drive.names)} would take {names} through a closed stop or lock, "
+                "and no other joint gives way; let the motion end before, or drive by a torque"
+            )
+
+
 def struck(
     rows: Rows, q: Array, v: Array, stops: Sequence[int], locks: Sequence[int], seen: Seen, plastic: bool
 ) -> Impulse | None:
@@ -89,8 +117,9 @@ def struck(
     E, w = rows.side[struck_rows][:, None] * rows.E[struck_rows], rates[struck_rows]
     if not (np.any(w[:n] < -tiny) or np.any(np.abs(w[n:]) > tiny)):
         return None
-    frame = Frame(rows.mechanism, q, v, seen)
+    frame = Frame(rows.mechanism, q, v, seen, None, rows.driven())
     B = frame.rows(E)
+    require_way(rows, struck_rows, B, w, size)
     share = np.minimum(frame.shares(E, B), 1.0)
     falls = np.abs(E @ seen.a)
     # at a dead point the joint is slow, not what it is part of
@@ -103,6 +132,8 @@ def struck(
     by_row = np.zeros(len(rows.rows))
     by_row[struck_rows] = rows.side[struck_rows] * P
     loss = 0.5 * float(v @ frame.M @ v - after @ frame.M @ after)
+    if rows.drive is not None:  # whose impulses do work too
+        loss = -0.5 * float(P @ (w + E @ after))
     met = [i for k, i in enumerate(stops) if fast[k] and w[k] < 0.0]
     least = float(share[:n][(P[:n] > 0.0) & fast[:n]].min(initial=1.0))
     return Impulse(after, by_row, loss, met or [i for k, i in enumerate(locks, n) if fast[k]], least)

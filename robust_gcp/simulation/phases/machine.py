@@ -17,6 +17,8 @@ from numpy.typing import ArrayLike
 
 from ...dynamics.equations import Torque, torque_function
 from ...dynamics.prescribed.control import Actuated
+from ...dynamics.prescribed.drive import Drive
+from ...dynamics.prescribed.driven import driving
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import SingularStartError
 from ...kernel.library import Library
@@ -130,9 +132,10 @@ class Machines:
         return found
 
     def _pool(self, basis: tuple[int, ...]) -> list[Held]:
-        """Mechanisms that hold these rows, and that no run uses."""
+        """Mechanisms that hold these rows, in coordinates with what is driven, and that no run uses."""
         rows = tuple([(self.rows.rows[i].part.joints, self.rows.rows[i].part.weights) for i in basis])
-        pool: list[Held] = self.rows.mechanism.memo.once(("held", rows), list)
+        names = () if self.rows.drive is None else self.rows.drive.names
+        pool: list[Held] = self.rows.mechanism.memo.once(("held", rows, names), list)
         return pool
 
     def _made(self, basis: tuple[int, ...], here: Array) -> Held:
@@ -143,7 +146,8 @@ class Machines:
             closure.move(float(values[i]))
         ties = (*mechanism.closures, *closures)
         place, driven = (here, mechanism.name, mechanism.forces), mechanism.actuators
-        return closures, Mechanism(mechanism.own_model, ties, "auto", *place, actuators=driven)
+        made = Mechanism(mechanism.own_model, ties, "auto", *place, actuators=driven)
+        return closures, made if self.rows.drive is None else driving(made, self.rows.drive.names, here)
 
     def release(self) -> None:
         """Leave what was built to other runs; no more steps are taken."""
@@ -226,7 +230,10 @@ class Machines:
             What is to stay within bounds.
         """
         asked: Any = () if events is None else events
-        plan = replace(self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard)
+        drive = self.rows.drive and Drive(machine, self.rows.drive.motions, float(times[0]))
+        plan = replace(
+            self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard, drives=drive
+        )
         torque = self.torque_of(phase, machine, (float(times[0]), float(times[1])))
         try:
             leg = Leg(self, plan, torque, times, (q, v, None))

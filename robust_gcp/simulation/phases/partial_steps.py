@@ -44,7 +44,7 @@ class Partial:
         course, kernel = machines.course, machines.kernel
         self._machine, self._torque, self._choice = machine, torque, course.choice
         self._native: NativeSteps | None = None
-        if kernel is not None and is_plain(machine):
+        if kernel is not None and is_plain(machine) and machines.rows.drive is None:
             own = course.tableau if isinstance(course.tableau, Tableau) else None
             self._native = NativeSteps(kernel, torque, False, None, own)
             groups = groups_of(machine)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,7 +38,8 @@ SAME = 1e-11
 class Steps:
     """Ends of steps: t (N,), q, v, a, what acts besides gravity and what is held, and its work so far.
 
-    `regular` tells that the kernel is there, and no zone of a singular place was met.
+    `regular` tells that the kernel is there, and no zone of a singular place was met; `drive` is what drives
+    take of what acts, see `Evaluation`, (N, 0) without any.
     """
 
     tree: Tree
@@ -49,6 +50,11 @@ class Steps:
     tau: Array
     work: Array
     regular: bool = False
+    drive: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.drive.size:
+            self.drive = np.zeros((len(self.t), 0))
 
     def motion_at(self, t: float) -> tuple[Array, Array, Array]:
         """q, v and a between them, interpolated."""
@@ -57,7 +63,7 @@ class Steps:
 
     def first(self, n: int) -> Steps:
         """The first n of them."""
-        parts = {name: getattr(self, name)[:n] for name in ("t", "q", "v", "a", "tau", "work")}
+        parts = {name: getattr(self, name)[:n] for name in ("t", "q", "v", "a", "tau", "work", "drive")}
         return replace(self, **parts)
 
 
@@ -181,8 +187,8 @@ class Leg:
     def since(self, i: int) -> Steps:
         """The ends of steps from number i on, which lies lower where the run went back."""
         regular = self._native is not None and self._run.zone_evaluations == 0
-        t, q, v, a, tau, work = self._run.record.steps(i)
-        return Steps(self._plan.mechanism.tree, t, q, v, a, tau, work, regular)
+        t, q, v, a, tau, work, drive = self._run.record.steps(i)
+        return Steps(self._plan.mechanism.tree, t, q, v, a, tau, work, regular, drive)
 
     def gone_back(self) -> bool:
         """Whether outputs told before were taken anew since this was asked last."""

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...dynamics.problem import initial_value_problem
 from ...maps.explicit import Crossing
 from ...maps.start_check import checked_state, require_freedom
 from ...mechanism.mechanism import Mechanism
@@ -75,10 +76,10 @@ class Progress:
         required: bool, chosen: Chosen, report: Callable[[float], Any] | None = None,
     ) -> None:  # fmt: skip
         mechanism, grid, (q0, v0, mode) = course.mechanism, chosen.grid, start
-        self._rows, self._grid, self._report = Rows(mechanism, parts), grid, report
+        self._rows, self._grid, self._report = Rows(mechanism, parts, course.drives), grid, report
         require_freedom(mechanism)
         self._t = grid.number(0)
-        self._q, self._v = checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
+        self._q, self._v = self._start(course, q0, v0, mode)
         machines = self._machines = Machines(self._rows, course, torque, kernel, required, mode)
         self._rows.require_within(self._q)
         self._phase = Phase(touching=frozenset(self._rows.touched(self._q, self._v)))
@@ -101,6 +102,15 @@ class Progress:
         locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
         switches = {x for row in locks for x in (row.start, row.end)}
         self._switches = sorted(x for x in switches if self._t < x < grid.end - grid.slack)
+
+    def _start(self, course: Course, q0: Any, v0: Any, mode: Any) -> tuple[Array, Array]:
+        """q and v, checked; where drives begin, with what is free at rest if no v0 says otherwise."""
+        mechanism = course.mechanism
+        if course.drives is None:
+            return checked_state(mechanism, mechanism.home if q0 is None else q0, v0)
+        choice, drive = course.choice, course.drives
+        start = initial_value_problem(mechanism, q0, v0, mode, choice=choice, drive=drive).start
+        return start.point.q, start.point.G @ start.ydot
 
     @property
     def state(self) -> tuple[Array, Array]:
@@ -216,7 +226,7 @@ class Progress:
         """What is recorded so far, and what it cost since `begun` on the computer's clock."""
         self._collect()
         run = self._counted().trajectory(self.events)
-        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, self._machines.course.acted
+        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, self._machines.course.remembered
         return run
 
     def _counted(self) -> Joined:

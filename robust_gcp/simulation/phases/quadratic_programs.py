@@ -42,6 +42,12 @@ def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Ar
     n = len(b)
     if n == 0:
         return np.zeros(0), np.zeros(0)
+    idle = ~B.any(axis=0)
+    if idle.any():  # rows that this mode does not move, or a drive alone: friction acts against their way
+        f, w = np.where(b > 0.0, lower, np.where(b < 0.0, upper, 0.0)), b.copy()
+        f[~np.isfinite(f) | (np.abs(b) <= ZERO * size)] = 0.0
+        f[~idle], w[~idle] = box(B[:, ~idle], b[~idle], lower[~idle], upper[~idle], size)
+        return f, w
     if n == 1 and (size_of_row := float(B[:, 0] @ B[:, 0])) > 0.0:
         only = np.clip(-b / size_of_row, lower, upper)
         return only, size_of_row * only + b
@@ -111,7 +117,7 @@ class Load:
 
     def margin(self, need: Array) -> float:
         """The best margin, continuous in `need`."""
-        if len(self._A) <= self._rank:
+        if len(self._A) <= self._rank or not self._rank:
             return self.forces(need)[1]
         return self._shared(need)[1]
 

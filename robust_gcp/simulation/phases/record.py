@@ -26,7 +26,7 @@ from .happening import Happening
 from .phase_run import Steps
 from .rows import Rows
 
-WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces", "u")
+WHAT = ("t", "q", "v", "a", "tau", "work", "smooth", "forces", "u", "drive")
 
 
 @dataclass
@@ -45,6 +45,8 @@ class Block:
         F of each row.
     heat : ndarray (N,)
         What friction that is a share of reactions dissipates since the first of them, J.
+    drive : ndarray (N, nv or 0)
+        What drives take, a part of tau.
     """
 
     t: Array
@@ -56,12 +58,13 @@ class Block:
     held: Array
     bounds: Array
     heat: Array
+    drive: Array
 
     @classmethod
     def of(cls, steps: Steps, held: Array, bounds: Array, heat: Array) -> Block:
         """Ends of steps."""
         work = steps.work - steps.work[0]
-        return cls(steps.t, steps.q, steps.v, steps.a, steps.tau, work, held, bounds, heat)
+        return cls(steps.t, steps.q, steps.v, steps.a, steps.tau, work, held, bounds, heat, steps.drive)
 
     def first(self, n: int) -> Block:
         """The first n rows."""
@@ -121,6 +124,10 @@ class Joined:
         """Work and smooth losses so far, J."""
         return self._work, self._smooth
 
+    def take_work(self, work: float) -> None:
+        """Work at an instant, J, as of the impulses of drives."""
+        self._work += work
+
     def back_to(self, sums: tuple[float, float]) -> None:
         """What comes next takes the place of all since these sums."""
         self._work, self._smooth = sums
@@ -147,7 +154,7 @@ class Joined:
         new = {
             "t": block.t, "q": block.q, "v": block.v, "a": block.a,
             "tau": block.tau + block.held @ self.rows.E, "work": work, "smooth": smooth, "forces": forces,
-            "u": self.driven(block.t, block.q, block.v),
+            "u": self.driven(block.t, block.q, block.v), "drive": block.drive,
         }  # fmt: skip
         self._last = {name: values[-1:].copy() for name, values in new.items()}
         rows = np.arange(first, len(block.t))
@@ -211,7 +218,7 @@ class Joined:
         """All that is kept, by the names of `WHAT`."""
         mechanism, n = self.rows.mechanism, len(self.rows.rows)
         sizes = {"q": mechanism.nq, "forces": n, "u": len(mechanism.actuators)}
-        sizes |= dict.fromkeys(("v", "a", "tau"), mechanism.nv)
+        sizes |= dict.fromkeys(("v", "a", "tau", "drive"), mechanism.nv)
         parts = self._kept
         if self.to_the_end and self._last and not self.chosen.all:
             times = parts["t"]
@@ -251,6 +258,7 @@ class Joined:
             t_events=[np.array(times) for times in events.t],
             q_events=[np.array(values).reshape(-1, mechanism.nq) for values in events.q],
             v_events=[np.array(values).reshape(-1, mechanism.nv) for values in events.v],
+            drive_torque=None if rows.drive is None else kept["drive"],
             ended_by=events.ended_by,
             tau=tau if "tau" in self.record else None,
             happenings=list(self.happenings),

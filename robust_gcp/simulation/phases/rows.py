@@ -13,12 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from ...dynamics.prescribed.drive import Drive
 from ...errors import StateError
 from ...mechanism.constraint.couplings import MovingCoupling
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop
 from ...mechanism.tree.joints import single_joint
 from ...mechanism.tree.tree import Array
+from .admissible import Driven
 
 GAP = 1e-12
 """m or rad: stops nearer than this at an event are closed, so that impacts at once are solved together."""
@@ -79,6 +81,8 @@ class Rows:
     ----------
     mechanism : Mechanism
     parts : sequence of Stop, JointFriction, Lock
+    drive : Drive, optional
+        Joints of the mechanism that move as prescribed.
 
     Attributes
     ----------
@@ -93,8 +97,8 @@ class Rows:
         For a joint that there is not, or one with several numbers.
     """
 
-    def __init__(self, mechanism: Mechanism, parts: Sequence[Part]) -> None:
-        self.mechanism = mechanism
+    def __init__(self, mechanism: Mechanism, parts: Sequence[Part], drive: Drive | None = None) -> None:
+        self.mechanism, self.drive = mechanism, drive
         named = zip(parts, columns_of(parts), strict=True)
         self.rows = [row for part, column in named for row in _rows_of(part, column)]
         n = len(self.rows)
@@ -124,6 +128,13 @@ class Rows:
     def of(self, kind: Kind) -> list[int]:
         """The rows of a kind."""
         return self._of[kind]
+
+    def driven(self, t: float | None = None) -> Driven | None:
+        """What is driven, with its accelerations at a time; with none where only velocities matter."""
+        if self.drive is None:
+            return None
+        iv = self.mechanism.iv_independent[self.drive.driven]
+        return Driven(iv, np.zeros(len(iv)) if t is None else self.drive.motion_at(t)[2])
 
     def values(self, q: Array) -> Array:
         """r, (..., n) for q (..., nq), rad or m."""

@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+from ...dynamics.prescribed.drive import warned_of_kink
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...errors import OptionError, SimulationError
 from ...mechanism.parts import Part
@@ -53,6 +54,8 @@ def run_phases(
     finally:
         phases.passed.machines.release()
     run.passed = phases.passed
+    if course.drives is not None and warned_of_kink(course.drives, run.t):
+        return run
     Coarse(course.mechanism, course.step).judge(run)
     return run
 

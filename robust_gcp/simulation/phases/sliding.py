@@ -18,6 +18,7 @@ from ...dynamics.equations import Split
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
+from .admissible import Driven
 from .bearings import MOST, REMEDY, FrictionBounds, undetermined
 from .decision import Phase
 
@@ -54,7 +55,7 @@ class Sliding:
         other = bounds.constant.copy()
         other[rows] = 0.0
         tau = self._acting(t, q, v, other) + np.vstack([np.zeros(len(v)), self._against])
-        a, multipliers = moved(self._mechanism, t, q, v, tau)
+        a, multipliers = moved(self._mechanism, t, q, v, tau, bounds.rows.driven(t))
         same = np.full(k + 1, t), np.tile(q, (k + 1, 1)), np.tile(v, (k + 1, 1))
         n = bounds.reactions(self._mechanism, rows, (*same, a, multipliers))
         n0, by = n[:, 0], n[:, 1:] - n[:, :1]
@@ -103,8 +104,10 @@ def _sizes(vectors: Array) -> Array:
     return np.asarray(np.sqrt((vectors * vectors).sum(axis=-1)))
 
 
-def moved(mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tuple[Array, Array]:
-    """a (k, nv) and λ (k, nc) under each of k torques besides gravity, (k, nv).
+def moved(
+    mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array, driven: Driven | None
+) -> tuple[Array, Array]:
+    """a (k, nv) and λ (k, nc) under each of k torques besides gravity and drives, (k, nv).
 
     Raises
     ------
@@ -113,13 +116,20 @@ def moved(mechanism: Mechanism, t: float, q: Array, v: Array, tau: Array) -> tup
     """
     tree, k = mechanism.tree, len(tau)
     M = tree.crba(q)
-    if not mechanism.nc:
+    if not mechanism.nc and driven is None:
         a = np.linalg.solve(M, (tau - tree.rnea(q, v, tree.zero)).T).T
         return a, np.zeros((k, 0))
     split = Split(mechanism, q)
     N, a0 = split.free, split.acceleration(mechanism.k(q, v))
     if N.shape[1] > mechanism.m:
         raise undetermined(t)
+    ways = N
+    if driven is not None:
+        ways, a0 = driven.restricted(N, a0)
     free = tau - tree.rnea(q, v, a0)
-    further = np.linalg.solve(N.T @ M @ N, N.T @ free.T).T @ N.T
-    return a0 + further, np.array([split.multipliers(part) for part in further @ M - free])
+    further = np.linalg.solve(ways.T @ M @ ways, ways.T @ free.T).T @ ways.T
+    left = further @ M - free
+    if driven is not None:
+        for part in left:
+            part[driven.iv] -= driven.balanced(N, part)
+    return a0 + further, np.array([split.multipliers(part) for part in left])

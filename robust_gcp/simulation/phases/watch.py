@@ -22,6 +22,7 @@ from .admissible import UNMOVED, Seen, admissible
 from .bearings import ALIKE as SAME
 from .bearings import MOST, REMEDY, FrictionBounds
 from .decision import Phase
+from .impact import REST
 from .phase_run import Steps
 from .polynomial_zeros import falling_root
 from .quadratic_programs import Load
@@ -32,6 +33,9 @@ BELOW = 1e-13
 
 ROUNDING = 1e-14
 """Share of its size by which the change of a row over a step may err."""
+
+MOVED = 2.0 * REST
+"""m/s or rad/s at which a row that rests by its drive alone is moved: more than what counts as rest."""
 
 ALIKE = 1e-7
 """Relative difference of forces that two ways to find them may have on regular ground."""
@@ -76,27 +80,32 @@ class Signals:
     def __init__(self, rows: Rows, phase: Phase) -> None:
         held = set(phase.held)
         stops = [i for i in rows.of(Kind.STOP) if i not in held]
-        springs, slips = rows.of(Kind.SPRING), list(phase.slip)
-        self.rows = np.array([*stops, *springs, *slips], dtype=np.int64)
+        springs, slips, carried = rows.of(Kind.SPRING), list(phase.slip), phase.carried
+        self.rows = np.array([*stops, *springs, *slips, *carried, *carried], dtype=np.int64)
         signs = [rows.side[i] for i in stops]
         signs += [-rows.side[i] if i in phase.touching else rows.side[i] for i in springs]
         signs += [phase.slip[i] for i in slips]
+        signs += [1.0] * len(carried) + [-1.0] * len(carried)
         self._sign, self._rows = np.array(signs), rows
-        self._rate = np.arange(len(self.rows)) >= len(stops) + len(springs)
-        self._at = np.where(self._rate, 0.0, rows.at[self.rows]) if len(self.rows) else np.zeros(0)
+        first = len(stops) + len(springs)
+        self._rate = np.arange(len(self.rows)) >= first
+        self._at = np.zeros(len(self.rows))  # of r, or of its rate
+        self._at[:first] = rows.at[self.rows[:first]]
+        self._at[first + len(slips) :] = -MOVED * self._sign[first + len(slips) :]
 
     def series(self, q: Array, v: Array, a: Array) -> Array:
         """Value, rate and acceleration of each, (3, N, k)."""
-        E = self._rows.E[self.rows].T
-        r = self._rows.values(q)[:, self.rows] - self._at
-        return self._sign * np.array([r, v @ E, a @ E])
+        E, of_rate = self._rows.E[self.rows].T, np.where(self._rate, self._at, 0.0)
+        r = self._rows.values(q)[:, self.rows] - (self._at - of_rate)
+        return self._sign * np.array([r, v @ E - of_rate, a @ E])
 
     def signal_at(self, row: int, q: Array, v: Array, a: Array) -> tuple[float, float]:
         """The function of a row at a state, and its rate."""
-        k = int(np.flatnonzero(self.rows == row)[0])
-        parts = self.series(q[None], v[None], a[None])[:, 0, k]
-        first = int(self._rate[k])
-        return float(parts[first]), float(parts[first + 1])
+        chosen = np.flatnonzero(self.rows == row)
+        parts = self.series(q[None], v[None], a[None])[:, 0, chosen]
+        first = int(self._rate[chosen[0]])
+        k = int(np.argmin(parts[first]))  # of a carried row the way that it goes
+        return float(parts[first, k]), float(parts[first + 1, k])
 
     def guard(self) -> Guard | None:
         """The cheap test of whether there may be an event in a step."""
@@ -150,8 +159,9 @@ class Signals:
         """
         (r0, r1), (v0, v1), (a0, a1) = ends
         change = 0.5 * h * (v0 + v1) + h * h / 12.0 * (a0 - a1)
-        if abs(r1 - r0 - change) > ROUNDING * float(self._rows.sizes(q)[:, self.rows[k]].sum()):
-            change = r1 - r0
+        told = r1 - r0 - h * self._sign[k] * self._at[k]
+        if abs(told - change) > ROUNDING * float(self._rows.sizes(q)[:, self.rows[k]].sum()):
+            change = told
         return np.array([[0.0, change], ends[1], ends[2]])
 
 
@@ -205,7 +215,7 @@ class Holding:
         self, t: float, q: Array, v: Array, a: Array, tau: Array, seen: Seen | None
     ) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
-        N, _ = admissible(mechanism, q, v, Seen.of(v, a) if seen is None else seen)
+        N, _ = admissible(mechanism, q, v, Seen.of(v, a) if seen is None else seen, self._rows.driven())
         A = self._E @ N
         A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
         need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)

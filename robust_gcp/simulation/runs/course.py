@@ -185,10 +185,15 @@ class Course:
             kind = SteppedRun if isinstance(motion.torque, HeldTorque) else FixedRun
             run = kind(self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step, native, *parts)
             run.guard = self.guard
-        run.acted, drives = self.acted, self.drives
-        if drives is not None:
-            run.acted = replace(self.acted, drive=drives.names, motions=drives.motions)
+        run.acted = self.remembered
         return run
+
+    @property
+    def remembered(self) -> Acted:
+        """What a trajectory remembers of what acted."""
+        if self.drives is None:
+            return self.acted
+        return replace(self.acted, drive=self.drives.names, motions=self.drives.motions)
 
     def gone(self, run: Run, begun: float, mended: bool, go: Callable[[], None]) -> str | None:
         """Take steps; the words of a stop that may be mended, others are raised with the motion."""

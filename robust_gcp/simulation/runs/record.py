@@ -129,14 +129,14 @@ class Record:
         return Outputs(self._q, self._v, self._a, self._tau, self._energy, self.work)
 
     def steps(self, first: int) -> tuple[Array, ...]:
-        """t, q, v, a, τ and the work done of the outputs from one on; those that are not kept are zero."""
+        """t, q, v, a, τ, work and what drives take of the outputs from one on; 0 and empty if not kept."""
         rows = slice(first, self.count)
         t, q, v = self._t[rows], self._q[rows], self._v[rows]
         more = [
             np.zeros_like(like) if kept is None else kept[rows]
             for kept, like in ((self._a, v), (self._tau, v), (self.work, t))
         ]
-        return t, q, v, *more
+        return t, q, v, *more, np.zeros((len(t), 0)) if self._drive is None else self._drive[rows]
 
     def reach(self, i: int) -> None:
         """The ends of steps up to i are accepted, and written into `rows`."""
