@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..dynamics.loads import Wrench
-from ..dynamics.prescribed.drive import Drive
 from ..dynamics.prescribed.driven import prescribed
 from ..dynamics.prescribed.motion import Motion
 from ..dynamics.prescribed.zero_order_hold import HeldTorque
@@ -71,7 +70,7 @@ class StepwisePlan:
         if self.parts:
             from .phases.run_phases import require_plain  # a simulation without them need not load them
 
-            require_plain({"drive=": self.drive is not None, "method=": self.choice.method != "bridge"})
+            require_plain({"method=": self.choice.method != "bridge"})
 
     def run(
         self, start: Given, ctrl: Array | None, saved: StartState | None = None
@@ -99,9 +98,8 @@ class StepwisePlan:
             raise
 
     def _stepped(self, start: Given, t0: float, independent: Sequence[str]) -> tuple[Mechanism, SteppedRun]:
-        span = np.array([t0, t0 + self.step])
-        mechanism, drives = prescribed(self.mechanism, self.drive, start[0], span)
-        course = at_first = self._course(mechanism, drives, t0, ROOM)
+        course = at_first = self._course(start, t0, ROOM)
+        mechanism = course.mechanism
         if independent and course.on_toggle == "repartition":
             at_first = replace(course, mechanism=in_coordinates(mechanism, independent))
         motion, native, stability = at_first.begun(start, self.held, self.kernel, self.required)
@@ -115,11 +113,12 @@ class StepwisePlan:
         from .phases.phased_simulation import PhasedRun  # a simulation without them need not load them
 
         told = self.held, start, t0, self.keep, self.kernel, self.required
-        course = self._course(self.mechanism, None, t0, 2)
-        return self.mechanism, PhasedRun(course, self.parts, *told)
+        course = self._course(start, t0, 2)
+        return course.mechanism, PhasedRun(course, self.parts, *told)
 
-    def _course(self, mechanism: Mechanism, drives: Drive | None, t0: float, outputs: int) -> Course:
+    def _course(self, start: Given, t0: float, outputs: int) -> Course:
         """What a run is to do, with room for so many outputs."""
+        mechanism, drives = prescribed(self.mechanism, self.drive, start[0], np.array([t0, t0 + self.step]))
         toggle = checked_toggle(None, self.choice.method, drives is not None)
         schedule = Schedule.numbered(t0, self.step, 0, outputs)
         return Course(

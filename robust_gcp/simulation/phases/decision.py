@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 ON_STOP = 1e-13
 """m or rad: a stop this near to its place is held at it, so that its phase is the same each time."""
 
+STILL = 1e-9
+"""m/s² or rad/s² below which what is driven rests."""
+
 ROUNDING = 1e-14
 """Share of the velocity before below which what is left of it is 0."""
 
@@ -160,6 +163,8 @@ def _decided_with(
     B = frame.rows(E)
     b = B.T @ frame.free + E @ frame.p
     size = float(np.abs(frame.acceleration).max(initial=np.abs(b).max(initial=0.0)))
+    if rows.drive is not None:  # where that rests, all there is of accelerations may be rounding
+        size = max(size, STILL / ZERO)
     require_way(rows, chosen, B, b, size)
     f, w = box(B, b, lower, upper, size)
     held = []

@@ -83,7 +83,8 @@ class PhasedRun(Phases):
         forces = self.joined.rows.by_column(last["forces"][None])
         more = {name: values[0] for name, values in forces.items()}
         more |= {"dissipated": self.dissipated, "work": last["work"] + last["smooth"]}
-        return Here(last["q"], last["v"], last["a"], last["tau"], None, more)
+        drive = None if self.joined.rows.drive is None else last["drive"]
+        return Here(last["q"], last["v"], last["a"], last["tau"], drive, more)
 
     @property
     def state(self) -> tuple[Array, Array]:
