@@ -37,6 +37,9 @@ ROUNDING = 1e-14
 MOVED = 2.0 * REST
 """m/s or rad/s at which a row that rests by its drive alone is moved: more than what counts as rest."""
 
+DWELL = 1e-12
+"""m/s or rad/s: what a drive at rest leaves of a rate by rounding, which is no change of its sign."""
+
 ALIKE = 1e-7
 """Relative difference of forces that two ways to find them may have on regular ground."""
 
@@ -91,7 +94,8 @@ class Signals:
         self._rate = np.arange(len(self.rows)) >= first
         self._at = np.zeros(len(self.rows))  # of r, or of its rate
         self._at[:first] = rows.at[self.rows[:first]]
-        self._at[first + len(slips) :] = -MOVED * self._sign[first + len(slips) :]
+        slack = [DWELL if rows.drive else 0.0] * len(slips) + [MOVED] * (2 * len(carried))
+        self._at[first:] = -np.array(slack) * self._sign[first:]
 
     def series(self, q: Array, v: Array, a: Array) -> Array:
         """Value, rate and acceleration of each, (3, N, k)."""
