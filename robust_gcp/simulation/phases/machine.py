@@ -230,9 +230,9 @@ class Machines:
             What is to stay within bounds.
         """
         asked: Any = () if events is None else events
-        drive = self.rows.drive and Drive(machine, self.rows.drive.motions, float(times[0]))
+        drives = self.drive_of(machine, float(times[0]))
         plan = replace(
-            self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard, drives=drive
+            self.course, mechanism=machine, checked=self.checked, events=asked, guard=guard, drives=drives
         )
         torque = self.torque_of(phase, machine, (float(times[0]), float(times[1])))
         try:
@@ -244,6 +244,10 @@ class Machines:
             leg = Leg(self, plan, torque, times, (q, v, mode))
         self.checked = False
         return leg
+
+    def drive_of(self, machine: Mechanism, start: float = 0.0) -> Drive | None:
+        """What is driven, in the coordinates of a phase that begins at `start`."""
+        return None if self.rows.drive is None else Drive(machine, self.rows.drive.motions, start)
 
     def part(self, machine: Mechanism, phase: Phase, start: State, end: float, events: Any = None) -> Steps:
         """One step from a state on, with all that may happen."""

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.equations import Torque
+from ...dynamics.equations import Evaluation, Torque
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
@@ -44,9 +44,10 @@ class Partial:
         course, kernel = machines.course, machines.kernel
         self._machine, self._torque, self._choice = machine, torque, course.choice
         self._native: NativeSteps | None = None
-        if kernel is not None and is_plain(machine) and machines.rows.drive is None:
+        self._drive = machines.drive_of(machine)
+        if kernel is not None and is_plain(machine):
             own = course.tableau if isinstance(course.tableau, Tableau) else None
-            self._native = NativeSteps(kernel, torque, False, None, own)
+            self._native = NativeSteps(kernel, torque, False, self._drive, own)
             groups = groups_of(machine)
             rest = machine if groups is None else groups.rest
             self._path = RegularPath(rest, np.arange(rest.nc), Counters())
@@ -72,10 +73,17 @@ class Partial:
             return None
         x, now = begun.x, begun.now
         if self._native.asks:
-            motion = Problem(start_at(mechanism, self._path, now.point), self._torque, self._choice)
+            place = start_at(mechanism, self._path, now.point)
+            motion = Problem(place, self._torque, self._choice, self._drive)
             now = motion.equations.at_point(start.t, now.point)
-        outputs = Outputs.room(1, mechanism.nq, mechanism.nv, ("a", "tau", "work"))
-        batch = workspace.run(np.array([start.t, end]), x, now, outputs, options.zone, options)
+        times, wanted, told = np.array([start.t, end]), ["a", "tau", "work"], None
+        if self._drive is not None:
+            wanted, told = [*wanted, "effort"], self._drive.stages(times, workspace.shares)
+            if len(told) < 2:
+                return None
+        driven = 0 if self._drive is None else len(self._drive.names)
+        outputs = Outputs.room(1, mechanism.nq, mechanism.nv, wanted, driven)
+        batch = workspace.run(times, x, now, outputs, options.zone, options, prescribed=told)
         if batch.failure is not None and isinstance(batch.failure, SimulationError):
             raise batch.failure
         if batch.reason is not Reason.DONE or batch.crossings or batch.trackers is not None:
@@ -84,7 +92,15 @@ class Partial:
         assert done is not None and a is not None and tau is not None
         before = mechanism.tree.zero if now.tau is None else now.tau
         return Steps(
-            mechanism.tree, np.array([start.t, end]), np.array([now.point.q, outputs.q[0]]),
+            mechanism.tree, times, np.array([now.point.q, outputs.q[0]]),
             np.array([now.v, outputs.v[0]]), np.array([now.a, a[0]]), np.array([before, tau[0]]),
-            np.array([0.0, done[0]]),
+            np.array([0.0, done[0]]), drive=self._taken(now, outputs),
         )  # fmt: skip
+
+    def _taken(self, now: Evaluation, outputs: Outputs) -> Array:
+        """What drives take at both ends, (2, nv), or (2, 0)."""
+        if self._drive is None or now.drive is None or outputs.effort is None:
+            return np.zeros((2, 0))
+        after = np.full_like(now.drive, np.nan)
+        after[self._machine.iv_independent[self._drive.driven]] = outputs.effort[0]
+        return np.array([now.drive, after])
