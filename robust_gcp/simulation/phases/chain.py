@@ -75,6 +75,10 @@ class Chain:
             raise OptionError(
                 "derivatives: a file or a pickle holds no phases of a run with joints=; simulate it again"
             )
+        if run.passed.machines.rows.drive is not None:
+            raise OptionError(
+                "derivatives: none are known of runs with joints= and drive=; leave one of them out"
+            )
         _require_followed(run, run.passed)
         self._run, self._mode, self._slopes = run, mode, torque_slopes
         self._machines, self._turns = run.passed.machines, run.passed.turns
