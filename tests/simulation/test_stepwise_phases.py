@@ -273,8 +273,6 @@ def test_what_a_file_says(tmp_path: Path) -> None:
 
 def test_what_does_not_go_together() -> None:
     parts = [rg.Stop("q1", lower=-1.0)]
-    with pytest.raises(rg.OptionError, match="drive="):
-        rg.Simulation(pendulum(), joints=parts, drive={"q1": rg.Motion(lambda t: (0.0, 0.0, 0.0))})
     with pytest.raises(rg.OptionError, match="method="):
         rg.Simulation(pendulum(), joints=parts, method="classical")
     with pytest.raises(rg.StateError, match="beyond Stop"):
