@@ -10,7 +10,7 @@ import pytest
 
 import robust_gcp as rg
 
-from .machines import BACKENDS, require_backend, require_sound, sliders
+from .machines import BACKENDS, orders, require_backend, require_sound, sliders
 
 SIZE, OMEGA, MASS = 0.05, 7.0, 2.0
 """Of a shaken table, m and rad/s, and of a block on it, kg."""
@@ -72,7 +72,8 @@ def require_same(one: rg.Trajectory, other: rg.Trajectory, joints: tuple[str, ..
 def test_a_block_on_a_shaken_table_feels_its_acceleration(case: str, backend: Any) -> None:
     """In the table's frame it moves as on the ground under −m ẍ: sticks, bounces and all."""
     kw: dict[str, Any] = {"duration": 1.2, "step": 4e-3, "joints": ON_THE_TABLE[case], "backend": backend}
-    shaken = rg.simulate(block(True), drive={"x": TABLE}, record=("a", "tau", "energy"), **kw)
+    kw["record"] = "a", "tau", "energy"
+    shaken = rg.simulate(block(True), drive={"x": TABLE}, **kw)
 
     def felt(t: float, q: np.ndarray, v: np.ndarray) -> np.ndarray:
         return np.array([MASS * SIZE * OMEGA**2 * np.sin(OMEGA * t)])
@@ -80,7 +81,8 @@ def test_a_block_on_a_shaken_table_feels_its_acceleration(case: str, backend: An
     apart = rg.simulate(block(False), [0.0], [0.0], torque=felt, **kw)
     assert len(apart.happenings) > 4
     require_same(shaken, apart, ("r",), 1e-11)
-    require_sound(shaken, 1e-6)  # the drive's impulses are in its work
+    # the drive's impulses are in its work; a spring's contact is 80 rad/s fast
+    require_sound(shaken, 5e-6 if case == "springs" else 1e-8)
     np.testing.assert_allclose(shaken["x"], [TABLE.at(t)[0] for t in shaken.t], atol=1e-13)
     # what the table takes moves the block too
     a = shaken["a.x"] * (3.0 + MASS) + shaken["a.r"] * MASS
@@ -93,13 +95,14 @@ def test_a_crank_has_to_overcome_its_slide(backend: Any) -> None:
     kw: dict[str, Any] = {"duration": 2.0, "step": 5e-3, "drive": {"q1": turning(0.4, rate)}}
     free = rg.simulate(crank, backend=backend, **kw)
     for friction in (rg.JointFriction("q3", F), rg.JointFriction("q3", 0.5, coefficient=0.2)):
-        run = rg.simulate(crank, joints=[friction], backend=backend, record=("energy", "a", "tau"), **kw)
+        record = "energy", "a", "tau", "multipliers"
+        run = rg.simulate(crank, joints=[friction], backend=backend, record=record, **kw)
         assert [x.kind for x in run.happenings] == ["at rest", "at rest"]
         own = np.isin(run.t, free.t)
         F_now = np.abs(run["friction.q3"])
         lost = F_now * np.abs(run["v.q3"]) / rate
         np.testing.assert_allclose(run["drive.q1"][own], free["drive.q1"] + lost[own], atol=1e-10)
-        np.testing.assert_array_equal(run["q3"][own], free["q3"])
+        np.testing.assert_allclose(run["q3"][own], free["q3"], atol=1e-14)
         if friction.coefficient:  # by the reaction of its own bearing, whatever says so
             normal = run.reaction("q3").force
             across = normal - np.outer(normal @ _rail(run), _rail(run))
@@ -136,6 +139,7 @@ def test_the_choice_of_coordinates_does_not_matter() -> None:
         rg.JointFriction("q2", 0.6),
     ]
     kw: dict[str, Any] = {"duration": 0.4, "step": 1e-3, "drive": {"q1": swing(0.3, 3.0, 2.2)}}
+    kw["v0"] = mech.lift(mech.home, [0.9, 0.0])
     runs = [
         rg.simulate(mech.with_independent(names), joints=parts, **kw)
         for names in (("q1", "q3"), ("q1", "q4"), ("q2", "q3"))
@@ -143,9 +147,8 @@ def test_the_choice_of_coordinates_does_not_matter() -> None:
     assert len(runs[0].happenings) > 5
     for other in runs[1:]:
         require_same(runs[0], other, ("q1", "q2", "q3", "q4"), 1e-9)
-    runs = [rg.simulate(mech, joints=parts, **{**kw, "step": h}) for h in (4e-3, 2e-3)]
-    apart = [np.abs(run.q[-1] - other.q[-1]).max() for run in runs]
-    assert np.log2(apart[0] / apart[1]) > 3.5
+    coarse = [rg.simulate(mech, joints=parts, **{**kw, "step": h}) for h in (2e-2, 1e-2, 5e-3)]
+    assert orders([run.at([0.16])["v.q4"] for run in coarse])[0] > 3.5  # after an impact
 
 
 def dwell(t: float) -> tuple[float, float, float]:
@@ -175,7 +178,7 @@ def test_what_a_drive_alone_leaves_at_rest_moves_when_it_does(backend: Any) -> N
     moving = (run.t > 0.301) & (np.abs(run["v.q3"]) > 1e-5)
     np.testing.assert_allclose(F[moving], -2.5 * np.sign(run["v.q3"][moving]))
     own = np.isin(run.t, free.t)
-    np.testing.assert_array_equal(run["q3"][own], free["q3"])
+    np.testing.assert_allclose(run["q3"][own], free["q3"], atol=1e-14)
     require_sound(run, 1e-5)
 
 
@@ -208,7 +211,7 @@ def test_step_by_step_and_under_held_torques() -> None:
     """`Simulation`, `hold=True`, saved and restored; the columns of a driven joint."""
     mech, parts = rg.load("five_bar"), [rg.JointFriction("q2", 0.6), rg.Stop("q3", upper=0.75, restitution=0.3)]
     kw: dict[str, Any] = {"step": 2e-3, "joints": parts, "drive": {"q1": swing(0.3, 3.0, 2.2)}}
-    push = [0.0, 0.0, 4.0, 0.0]
+    push = [0.0, 0.0, 30.0, 0.0]
     run = rg.simulate(mech, duration=0.3, torque=lambda t, q, v: push, hold=True, **kw)
     assert len(run.happenings) > 3
     sim = rg.Simulation(mech, **kw)
@@ -223,7 +226,8 @@ def test_step_by_step_and_under_held_torques() -> None:
     few = rg.simulate(
         mech, duration=0.3, torque=lambda t, q, v: push, hold=True, outputs=np.linspace(0.0, 0.3, 41), **kw
     )
-    np.testing.assert_allclose(few["drive.q1"], run.at(few.t)["drive.q1"], atol=1e-4)
+    own = np.isin(run.t, few.t)
+    np.testing.assert_allclose(few["drive.q1"][np.isin(few.t, run.t)], run["drive.q1"][own], atol=1e-10)
 
 
 def test_ground_that_moves_beside_stops() -> None:
