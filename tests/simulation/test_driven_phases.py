@@ -1,4 +1,4 @@
-"""Joints that move as prescribed beside stops, friction and locks: moving frames, power, statics, refusals."""
+"""Joints that move as prescribed beside stops, friction and locks: moving frames, power, statics."""
 
 from __future__ import annotations
 
@@ -156,8 +156,8 @@ def dwell(t: float) -> tuple[float, float, float]:
     total = np.array([0.7, 0.0, 0.0])
     for begin, size in ((0.3, 1.2), (1.1, -1.2)):
         x, h = min(max((t - begin) / 0.5, 0.0), 1.0), 0.5
-        rise = x**3 * (10 - 15 * x + 6 * x * x), 30 * x**2 * (1 - x) ** 2 / h, 60 * x * (1 - x) * (1 - 2 * x) / h**2
-        total += size * np.array(rise)
+        rate, bend = 30 * x**2 * (1 - x) ** 2 / h, 60 * x * (1 - x) * (1 - 2 * x) / h**2
+        total += size * np.array([x**3 * (10 - 15 * x + 6 * x * x), rate, bend])
     return float(total[0]), float(total[1]), float(total[2])
 
 
@@ -199,7 +199,8 @@ def test_what_is_driven_against_a_stop_is_refused_where_it_is_met() -> None:
     mech = rg.load("slider_crank")
     at = float(mech.home[2]) - 0.05
     for part in (rg.Stop("q3", lower=at), rg.Lock("q3", start=0.1)):
-        with pytest.raises(rg.SimulationError, match="drive: q1 would take q3 through a closed stop or lock") as stop:
+        words = "drive: q1 would take q3 through a closed stop or lock"
+        with pytest.raises(rg.SimulationError, match=words) as stop:
             rg.simulate(mech, duration=2.0, step=1e-3, drive={"q1": turning(1.0, 3.0)}, joints=[part])
         run = stop.value.trajectory
         assert run is not None
@@ -209,7 +210,8 @@ def test_what_is_driven_against_a_stop_is_refused_where_it_is_met() -> None:
 
 def test_step_by_step_and_under_held_torques() -> None:
     """`Simulation`, `hold=True`, saved and restored; the columns of a driven joint."""
-    mech, parts = rg.load("five_bar"), [rg.JointFriction("q2", 0.6), rg.Stop("q3", upper=0.75, restitution=0.3)]
+    mech = rg.load("five_bar")
+    parts = [rg.JointFriction("q2", 0.6), rg.Stop("q3", upper=0.75, restitution=0.3)]
     kw: dict[str, Any] = {"step": 2e-3, "joints": parts, "drive": {"q1": swing(0.3, 3.0, 2.2)}}
     push = [0.0, 0.0, 30.0, 0.0]
     run = rg.simulate(mech, duration=0.3, torque=lambda t, q, v: push, hold=True, **kw)
