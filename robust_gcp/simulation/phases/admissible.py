@@ -67,7 +67,7 @@ class Seen:
             return t, (a - t * (t @ a)) / size**2
         for way in (a, self.toward[iv]):
             if np.abs(way / units).max() > SLOW:
-                return way / np.linalg.norm(way), np.zeros(len(way))
+                return way / np.linalg.norm(way), np.zeros(len(way))  # whose u² is nothing at rest
         return None
 
 
@@ -89,11 +89,11 @@ def admissible(
     tree, implicit = mechanism.tree, mechanism.implicit
     tree.jacobians(q)
     K = mechanism.scaled(implicit.jacobian())
-    tree.rnea(q, v, tree.zero)
+    tree.rnea(q, v, tree.zero)  # at a = 0, as `bias` reads the bodies' accelerations
     k = implicit.bias() / mechanism.row_scale
     columns, p = [mechanism.memo.once("columns of free joints", lambda: _free(mechanism))], np.zeros(nv)
     for cluster in mechanism.clusters:
-        iv, rank = cluster.iv, len(cluster.iv) - cluster.m
+        iv, rank = cluster.iv, len(cluster.iv) - cluster.m  # of K on the mode, where it meets no other
         scale = mechanism.column_scale[iv]
         U, s, Vt = np.linalg.svd(K[:, iv], full_matrices=True)
         share = float(s[rank - 1] / s[0]) if rank else 1.0
@@ -103,9 +103,9 @@ def admissible(
         if told is not None:
             tangent, curvature = told
             own[iv, 0] = tangent
-            p[iv] = curvature * float(v[iv] @ v[iv])
+            p[iv] = curvature * float(v[iv] @ v[iv])  # a = t u̇ + (dt/ds) u²
         elif share > SINGULAR:
-            own[iv] = scale[:, None] * Vt[rank:].T
+            own[iv] = scale[:, None] * Vt[rank:].T  # K's columns are scaled: v = scale x
             p[iv] = scale * (Vt[:rank].T @ (U[:, :rank].T @ k / s[:rank]))
         elif cluster.m:
             raise SimulationError(
@@ -129,11 +129,13 @@ class Driven(NamedTuple):
         D = N[self.iv]
         Q, R = np.linalg.qr(D.T, mode="complete")
         k = len(self.iv)
+        # R loses rank where a driven joint turns back: what moves it at first order no more is left alone
         p = p + N @ (Q[:, :k] @ np.linalg.lstsq(R[:k].T, self.a - p[self.iv], rcond=SINGULAR)[0])
         return N @ Q[:, k:], p
 
     def balanced(self, N: Array, need: Array) -> Array:
         """What drives take, (k,), where motions along N (nv, m) need the forces `need` (nv,)."""
+        # m equations for k forces: along the motions that are free `need` is balanced already
         return np.asarray(np.linalg.lstsq(N[self.iv].T, N.T @ need, rcond=SINGULAR)[0])
 
 
@@ -197,6 +199,7 @@ class Frame:
     def rows(self, E: Array) -> Array:
         """B (m, n) with W = BᵀB = E G M_r⁻¹ Gᵀ Eᵀ; a column is 0 for a row that this mode does not move."""
         B = self._solve((E @ self.N).T)
+        # rounding would hold joints: on the rhombus's folded mode q1 = 0 whatever moves, and its lock is none
         B[:, self.shares(E, B) <= UNMOVED] = 0.0
         return B
 

@@ -102,7 +102,7 @@ def rested(machines: Machines, phase: Phase, start: State, times: Array) -> Rest
     t_kept = times[:n].copy()
     if broken is not None:
         t_kept[-1] = np.nextafter(broken, -np.inf)
-        if t_kept[-1] <= t_kept[-2]:
+        if t_kept[-1] <= t_kept[-2]:  # broken at once: the start is the output before it
             n -= 1
     taus, held, _ = (np.array(part) for part in zip(*found[:n], strict=True))
     flat, none = np.zeros((n, len(zero))), np.zeros(n)

@@ -127,6 +127,7 @@ class FrictionBounds:
         force, tree = loaded.reaction(number).force, loaded.mechanism.tree
         for j, q in enumerate(loaded.q):
             tree.jacobians(q)
+            # all first frames lie before all second ones
             force[j] = tree.frame_R[len(loaded.mechanism.loops) + number].T @ force[j]
         return force
 

@@ -176,7 +176,7 @@ class Chain:
         m, (t, q, v) = own.m, begin
         if len(phase.basis) >= m:  # nothing moves
             A = np.zeros((2 * m, 2 * m))
-            A[:m, :m] = np.eye(m)
+            A[:m, :m] = np.eye(m)  # of velocities nothing is left
             return A, np.zeros((2 * m, own.nv)), _slope(own, q, v)
         refined = any(since < end[0] and till > t for since, till in self._run.stats.refined)
         mode = self._mode if t == float(self._run.t[0]) else None

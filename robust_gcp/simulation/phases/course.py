@@ -154,11 +154,12 @@ class Phases(RoundCusps):
                 self._drop()
                 self._fresh = self._t in self._switches
             return
-        if back:
+        if back:  # beside a zone without a bridge steps are taken again with error control
             self._read = 0
             self.joined.back_to(self._sums)
         steps = leg.since(self._read)
         last = len(steps.t) - 1
+        # the guard lets no event pass: of steps that it did not stop only the forces are looked at
         found, held = self._stretch.first(steps, self._seen, 0 if back else last - int(leg.paused))
         if found is None and isinstance(fault, CuspError):
             self._keep(steps, held)
@@ -166,7 +167,7 @@ class Phases(RoundCusps):
             self._drop()
             self._round(fault)
             return
-        if fault is not None and found is None and leg.at <= i:
+        if fault is not None and found is None and leg.at <= i:  # else the steps before it are kept first
             self._collect()
             steps, found, held = self._finer(machine, leg, fault)
         k, end = len(steps.t) - 1 if found is None else found.step, float(steps.t[-1])
@@ -201,7 +202,7 @@ class Phases(RoundCusps):
         """Go to an event in the step h that begins now."""
         start = self._state
         self._count()
-        self._events.forget(self._t)
+        self._events.forget(self._t)  # what the leg met of the user's in going beyond it
         self._events.ended_by = None
         part = self._stretch.located(start, h, found)
         if part is not None and self._events:  # which may end it before
@@ -263,7 +264,9 @@ class Phases(RoundCusps):
         zero = Still(self._q, self._v).ended(self._events, found.block.t) if self._events else None
         if zero is not None:
             times = np.append(times[times < zero], zero)
-            found = rested(self._machines, self._phase, self._state, times)
+            found = rested(
+                self._machines, self._phase, self._state, times
+            )  # what breaks after it does not count
         switched = found.until in self._switches
         if switched and not found.broke:
             found.block.t[-1] = np.nextafter(found.until, -np.inf)
@@ -277,5 +280,6 @@ class Phases(RoundCusps):
             self._stop_at_event()
         elif found.broke:
             self._why = BREAK
+            # torques alone change: a moment later they are too much for what is held where it is
             later = [found.until + share * self._grid.step for share in AHEAD]
             self._ahead = iter([State(t, self._q, self._v, found.seen) for t in later])

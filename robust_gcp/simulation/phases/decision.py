@@ -154,6 +154,7 @@ def _decided_with(
     t, q, v = state.t, state.q, state.v
     chosen, lower, upper = candidates(rows, phase, state, bounds)
     rates = rows.E @ v
+    # before `acting` is called, which has the friction of what slips from the phase
     phase.slip = {i: float(np.sign(rates[i])) for i in np.flatnonzero(rows.rubs).tolist() if i not in chosen}
     if not chosen:
         return [], None
@@ -226,7 +227,6 @@ def _broken(
 ) -> bool:  # fmt: skip
     """Whether the phase differs from the one before at one of the states ahead."""
     for state in ahead:
-        phase.slip = dict(before.slip)
         phase.held = decided(bounds, acting(phase), phase, state)
         if sorted(phase.held) != sorted(before.held):
             return True
@@ -243,6 +243,7 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
     for i in phase.basis:
         on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
         phase.offsets[i] = float(rows.at[i] if on else values[i])
+    # rows may depend on each other; of all corrections that of the least kinetic energy
     return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
 
 
@@ -250,7 +251,7 @@ def _carried(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> list[i
     """Rows at rest that the phase's independent ones would not keep so if what is driven moved."""
     if rows.drive is None:
         return []
-    N, _ = admissible(rows.mechanism, q, v, seen)
+    N, _ = admissible(rows.mechanism, q, v, seen)  # what is driven moves too
     A, basis = rows.E[phase.held] @ N, rows.E[phase.basis] @ N
     left = A - np.linalg.lstsq(basis.T, A.T, rcond=DEPENDENT)[0].T @ basis if len(basis) else A
     moved = np.linalg.norm(left, axis=1) > DEPENDENT * np.linalg.norm(A, axis=1)

@@ -67,13 +67,14 @@ class Stretch:
         Gaps and rates are looked at from the end of step number `since` on.
         """
         holding, n = self._holding, len(steps.t)
-        found, none = None, set[tuple[int, int]]()
+        none = set[tuple[int, int]]()
         while True:  # until one that is there: the interpolant may pass a stop that the motion does not meet
             t, q, v, a = (part[since:] for part in (steps.t, steps.q, steps.v, steps.a))
             found = self._signals.first(t, q, v, a, none, since)
             if found is None or found.depth > SHALLOW or self._is_reached(steps, found, seen):
                 break
             none.add((found.step, found.row))
+        # forces as far as the end of the event's step: what was taken beyond it does not count
         held, margins = self._held(steps.first(n if found is None else found.step + 2), n)
         broken = np.flatnonzero(margins[1:] < 0.0)
         if not (holding.limited and len(broken)) or (found is not None and found.step < broken[0]):
@@ -89,13 +90,14 @@ class Stretch:
         holding, held, margins = self._holding, np.zeros((n, self._size)), np.full(n, np.inf)
         if not holding:
             return held, margins
-        quick = holding.along(self._machine, steps) if steps.regular and len(steps.t) > MANY else None
-        for k in range(len(steps.t)) if quick is None else ():
-            held[k], margins[k] = holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
-            if k and holding.limited and margins[k] < 0.0:
-                break
-        if quick is not None:
+        many = steps.regular and len(steps.t) > MANY  # near a singular place λ by K loses its digits
+        if many and (quick := holding.along(self._machine, steps)) is not None:
             held[: len(steps.t)], margins[: len(steps.t)] = quick
+            return held, margins
+        for k in range(len(steps.t)):
+            held[k], margins[k] = holding.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])
+            if k and holding.limited and margins[k] < 0.0:  # at the start it was decided that they hold
+                break
         return held, margins
 
     def forces(self, steps: Steps, k: int) -> Array:
@@ -125,7 +127,7 @@ class Stretch:
         k = found.step
         lowest = float(steps.t[k] + found.lowest * (steps.t[k + 1] - steps.t[k]))
         if self._machines.rows.rows[found.row].kind is not Kind.STOP or found.lowest == 1.0:
-            return True
+            return True  # beyond it at the step's end, which is no interpolation
         part = self.part(State.of(steps, k, seen), lowest)
         return self._signals.signal_at(found.row, part.q[-1], part.v[-1], part.a[-1])[0] < -BELOW
 
@@ -160,12 +162,13 @@ class Stretch:
         part: Steps | None = None
         before: tuple[float, float] | None = None
         for _ in range(CORRECTIONS):
-            if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):
+            if x * h < max(1e-15, 4.0 * np.spacing(abs(begin))):  # no step can be taken to it
                 return None
             part = self.part(start, begin + x * h)
             value, slope = self._value(part, found, h, before is None)
             # of a margin no slope is known after the first: the secant through both partial steps
             slope = slope if before is None or found.row >= 0 else (value - before[1]) / (x - before[0])
+            # a last bit of t changes the function by as much
             exact = max(1e-14, -slope * float(np.spacing(abs(begin) + h)) / h)
             if abs(value) <= exact or slope >= 0.0 or abs(value) > -1e-3 * slope:
                 break

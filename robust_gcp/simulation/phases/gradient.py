@@ -98,6 +98,7 @@ def pulled(
     row = np.concatenate([by_q, by_v]) + running.by_state[-1]
     by_torque = running.by_torque
     links = list(chain.links())
+    # outputs beside a turn move with it: `_through` has their slopes
     turned = {k for link in links if isinstance(link, Turned) for k in (link.before, link.after)}
     if len(run.t) - 1 in turned:
         row = row - running.by_state[-1]  # it moves with its turn

@@ -50,7 +50,7 @@ class Grid:
             first = int(np.searchsorted(self.times, since, side="right"))
             return self.times[first : first + n]
         k = int(np.floor((since - self.t0) / self.step))
-        times = self.t0 + self.step * np.arange(k, k + n + 2)
+        times = self.t0 + self.step * np.arange(k, k + n + 2)  # one more at each end, as k is rounded
         return times[times > since][:n]
 
 

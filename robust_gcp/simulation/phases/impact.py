@@ -110,7 +110,7 @@ def struck(
     driven into then is the next impulse.
     """
     size = float(np.abs(v).max(initial=0.0))
-    tiny = 1e-13 + 1e-12 * size
+    tiny = 1e-13 + 1e-12 * size  # what rounding leaves of a rate after an impulse is not struck again
     rates = rows.side * (rows.E @ v)
     stops = [i for i in stops if plastic or rates[i] <= tiny]
     struck_rows, n = [*stops, *locks], len(stops)
@@ -198,7 +198,7 @@ def impact(mechanism: Any, q: ArrayLike, v: ArrayLike, joints: Sequence[Any]) ->
     rows = Rows(mechanism, parts_given(joints))
     rows.require_within(at)
     total, loss = np.zeros(len(rows.rows)), 0.0
-    seen = Seen(after, np.zeros_like(after), after)
+    seen = Seen(after, np.zeros_like(after), after)  # impulses need no curvature
     for found in impulses(rows, at, after, rows.closed(at), rows.of(Kind.LOCK), seen):
         after, total, loss = found.v, total + found.impulses, loss + found.loss
     by_name = rows.by_column(total[None]).items()

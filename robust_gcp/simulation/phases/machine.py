@@ -75,7 +75,7 @@ class Machines:
         self.forget()
         self.checked = True
         self.before: tuple[Mechanism, Before] | None = None  # of the leg that was taken last
-        self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.driven)
+        self.bounds = FrictionBounds(self.rows, self.course.acted.wrenches, self.controls)
 
     def toward(self, v: Array) -> Array:
         """Where a start with the velocity v goes: along v, or along the one tangent that was named."""
@@ -88,7 +88,7 @@ class Machines:
         """Whether torques at rest may change with time within a step."""
         return callable(self.torque) and (self.held is None or bool(self.held.stride))
 
-    def driven(self, t: Array, q: Array, v: Array) -> Array:
+    def controls(self, t: Array, q: Array, v: Array) -> Array:
         """u of the actuators at outputs, (N, n), NaN without power."""
         n, found = len(self.rows.mechanism.actuators), None
         if not n:
@@ -128,11 +128,12 @@ class Machines:
         closures, found = self._held[basis]
         for i, closure in zip(basis, closures, strict=True):
             closure.move(phase.offsets[i])
-        found.home = here
+        found.home = here  # its own, from before the closures moved, opens its loops
         return found
 
     def _pool(self, basis: tuple[int, ...]) -> list[Held]:
         """Mechanisms that hold these rows, in coordinates with what is driven, and that no run uses."""
+        # without r*: closures move to where rows are held, as to build anew takes 4 to 7 ms
         rows = tuple([(self.rows.rows[i].part.joints, self.rows.rows[i].part.weights) for i in basis])
         names = () if self.rows.drive is None else self.rows.drive.names
         pool: list[Held] = self.rows.mechanism.memo.once(("held", rows, names), list)
@@ -141,7 +142,7 @@ class Machines:
     def _made(self, basis: tuple[int, ...], here: Array) -> Held:
         mechanism = self.rows.mechanism
         closures = tuple([self.rows.rows[i].closure() for i in basis])
-        values = self.rows.values(here)
+        values = self.rows.values(here)  # coordinates are chosen at `here`, where the loops must be closed
         for i, closure in zip(basis, closures, strict=True):
             closure.move(float(values[i]))
         ties = (*mechanism.closures, *closures)
@@ -198,7 +199,7 @@ class Machines:
         if held is not None:
             return held.spanning(span, self.constant(phase))
         if not phase.slip:
-            return self.torque
+            return self.torque  # as it is: the kernel takes constants and controls, but calls functions
         constant = self.constant(phase)
         if isinstance(self.torque, Actuated):
             return self.torque.beside(constant)
@@ -237,12 +238,12 @@ class Machines:
         torque = self.torque_of(phase, machine, (float(times[0]), float(times[1])))
         try:
             leg = Leg(self, plan, torque, times, (q, v, None))
-        except SingularStartError:
+        except SingularStartError:  # v names no mode, as at rest
             mode = toward if np.any(toward) else self.mode
             if mode is None:
                 raise
             leg = Leg(self, plan, torque, times, (q, v, mode))
-        self.checked = False
+        self.checked = False  # of steps that are too long it is warned once
         return leg
 
     def drive_of(self, machine: Mechanism, start: float = 0.0) -> Drive | None:

@@ -79,7 +79,7 @@ class Partial:
         times, wanted, told = np.array([start.t, end]), ["a", "tau", "work"], None
         if self._drive is not None:
             wanted, told = [*wanted, "effort"], self._drive.stages(times, workspace.shares)
-            if len(told) < 2:
+            if len(told) < 2:  # the motion has no numbers there: an error that the run's own step words
                 return None
         driven = 0 if self._drive is None else len(self._drive.names)
         outputs = Outputs.room(1, mechanism.nq, mechanism.nv, wanted, driven)
@@ -101,6 +101,6 @@ class Partial:
         """What drives take at both ends, (2, nv), or (2, 0)."""
         if self._drive is None or now.drive is None or outputs.effort is None:
             return np.zeros((2, 0))
-        after = np.full_like(now.drive, np.nan)
+        after = np.full_like(now.drive, np.nan)  # no drive is not one that takes no effort
         after[self._machine.iv_independent[self._drive.driven]] = outputs.effort[0]
         return np.array([now.drive, after])

@@ -83,11 +83,12 @@ def _steadier(
 ) -> Problem:
     """The start in coordinates that say its velocity better, if any: near a turn they lose digits."""
     mechanism = motion.mechanism
+    # by K's kernel: G itself, by which a run changes its coordinates, has no digits left there
     names = Coordinates(mechanism, mechanism.independent, motion.counters).at_rest(start[0])
     if names is None or plan.on_toggle == "error":
         return motion
     acting = motion.torque, plan.choice, plan.on_toggle, plan.drives, float(plan.schedule.times[0])
-    with contextlib.suppress(SimulationError, PartitionError):
+    with contextlib.suppress(SimulationError, PartitionError):  # the first ones lose digits, but serve
         other = initialise(native, mechanism.with_independent(names), start, *acting)
         if _shifted(other, start[1]) < 0.1 * _shifted(motion, start[1]):
             return other
@@ -119,7 +120,8 @@ class Leg:
         start: tuple[Array, Array, ArrayLike | None],
     ) -> None:  # fmt: skip
         span = float(times[-1] - times[0])
-        self._plan = plan = replace(plan, schedule=Schedule.every(times), duration=span, record=("a", "tau"))
+        what = "a", "tau"  # r̈ of rows, and what the forces of those that are held have to balance
+        self._plan = plan = replace(plan, schedule=Schedule.every(times), duration=span, record=what)
         self._begun, self.times, self._machines = time.perf_counter(), times, machines
         self._held = torque.value if isinstance(torque, HeldTorque) else None
         found = plan.begun(start, torque, machines.kernel, machines.required)
@@ -133,7 +135,7 @@ class Leg:
         assert isinstance(run, FixedRun)  # no solver goes with phases
         self._run = run
         before = machines.before
-        if before is not None and before[0] is plan.mechanism:
+        if before is not None and before[0] is plan.mechanism:  # other closures are conditioned otherwise
             self._run.goes_on(before[1])
 
     @property
@@ -161,10 +163,10 @@ class Leg:
         try:
             self._plan.gone(self._run, self._begun, False, lambda: self._further(n))
         except (SimulationError, ClosureError) as error:
-            return error
+            return error  # not raised: an event in the steps before it may keep the motion from there
         finally:
             self._machines.before = self._plan.mechanism, self._run.before
-            if self._stability is not None and n:
+            if self._stability is not None and n:  # the start alone is no step to judge by
                 self._stability.after(self._motion)
                 self._stability = None
         return None

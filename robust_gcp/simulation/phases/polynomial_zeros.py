@@ -25,7 +25,7 @@ def falling_root(p: Array, tiny: float) -> tuple[float, float, float] | None:
         return once
     real = _real_roots(p)
     slope = np.polyder(p)
-    for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:
+    for x in real[(real > -1e-9) & (real <= 1.0 + 1e-9)]:  # one that begins on its stop has 0, rounded
         if np.polyval(slope, x) > 0.0:
             continue
         end = min([*real[real > x + 1e-9].tolist(), 1.0])
@@ -73,4 +73,4 @@ def _real_roots(p: Array) -> Array:
     # quotients by leading coefficients that small overflow, and within [0, 1] they are nothing
     first = int(np.argmax(np.abs(p) > NOTHING * np.abs(p).max()))
     roots = np.roots(p[first:])
-    return np.sort(roots.real[np.abs(roots.imag) < 1e-7])
+    return np.sort(roots.real[np.abs(roots.imag) < 1e-7])  # double ones, of a touch, split by √ε

@@ -96,7 +96,7 @@ class Progress:
         self._asked = len(asked)  # of all events; those of latches follow
         self._events = Events([*asked, *map(self._latch, self._latches)], self._t, grid.step)
         self.passed, self._why = Passed(machines), START
-        self.joined = Joined(self._rows, course.record, chosen, machines.driven)
+        self.joined = Joined(self._rows, course.record, chosen, machines.controls)
         self.joined.stats.step = grid.step
         self._sums, self._read = self.joined.sums, 0  # at the leg's start; its last output that was kept
         locks = [self._rows.rows[i] for i in self._rows.of(Kind.LOCK)]
@@ -131,7 +131,7 @@ class Progress:
                 steps.t = np.append(steps.t[:-1], np.nextafter(steps.t[-1], -np.inf))
             t, self._read = self._t, leg.at
             self._keep(steps, np.zeros((len(steps.t), len(self._rows.rows))))
-            self._t = t
+            self._t = t  # not the last bit before a switch
             self._machines.forget()
 
     def _drop(self) -> None:
@@ -256,7 +256,7 @@ class Progress:
         self._events, self._machines.before = parts["events"].copied(), parts["before"]
         if self._machines.held is not None:
             self._machines.held.value = parts["torque"]
-            self._machines.forget()
+            self._machines.forget()  # the leg that they drove is gone
         self._machine = None if self._fresh else self._machines.of(self._phase, self._q)
         if self._machine is not None:
             self._stretch = self._looked_at(self._machine)

@@ -55,7 +55,7 @@ def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Ar
     if np.abs(B.T @ d - b).max() <= ZERO * size:
         found = lsq_linear(B, -d, (lower, upper), method="bvls", tol=1e-15, max_iter=1000)
         return found.x, B.T @ (B @ found.x) + b
-    if n > 10:
+    if n > 10:  # 3¹⁰ sets take some 3 s
         raise SimulationError(
             f"{n} stops, joints with friction and locks that depend on each other meet at once"
         )
@@ -109,7 +109,7 @@ class Load:
     def forces(self, need: Array) -> tuple[Array, float]:
         """f (n,), and its margin, ≥ 0 where what is held stays so: a share of bounds, or N m of a push."""
         weight = np.where(self._dry, self._bounds, 1.0)
-        f = weight * np.linalg.lstsq(self._A.T * weight, need, rcond=RANK)[0]
+        f = weight * np.linalg.lstsq(self._A.T * weight, need, rcond=RANK)[0]  # alike in shares of bounds
         margin = self._margin(f)
         if margin >= 0.0 or len(f) <= self._rank:
             return f, margin

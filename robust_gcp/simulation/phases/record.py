@@ -93,14 +93,14 @@ class Joined:
         What the user asked for.
     chosen : Chosen
         Which outputs are kept.
-    driven : callable (t, q, v) -> ndarray (N, n)
+    controls : callable (t, q, v) -> ndarray (N, n)
         Controls and activations of the actuators.
     """
 
     rows: Rows
     record: Sequence[str]
     chosen: Chosen
-    driven: Callable[[Array, Array, Array], Array]
+    controls: Callable[[Array, Array, Array], Array]
     happenings: list[Happening] = field(default_factory=list)
     stats: Stats = field(default_factory=Stats)
 
@@ -154,7 +154,7 @@ class Joined:
         new = {
             "t": block.t, "q": block.q, "v": block.v, "a": block.a,
             "tau": block.tau + block.held @ self.rows.E, "work": work, "smooth": smooth, "forces": forces,
-            "u": self.driven(block.t, block.q, block.v), "drive": block.drive,
+            "u": self.controls(block.t, block.q, block.v), "drive": block.drive,
         }  # fmt: skip
         self._last = {name: values[-1:].copy() for name, values in new.items()}
         rows = np.arange(first, len(block.t))
@@ -204,7 +204,7 @@ class Joined:
         mechanism, other = self.rows.mechanism, run.mechanism
         self.stats.stepper = run.stats.stepper
         for crossing in run.crossings:
-            if crossing.time <= end + AT_ONCE:
+            if crossing.time <= end + AT_ONCE:  # the leg went on beyond the event that ends it
                 cluster = _cluster(mechanism, other, crossing.cluster)
                 self.crossings.append(replace(crossing, y=crossing.q[mechanism.iq_numbers], cluster=cluster))
         for item in fields(Stats):
@@ -231,6 +231,7 @@ class Joined:
         if self.chosen.times is not None:
             asked = self.chosen.among(kept["t"])
             kept["t"] = np.where(asked, self.chosen.nearest(kept["t"]), kept["t"])
+            # at an event both its outputs are nearest to one time: the state after it is that of the time
             last = np.append(np.diff(kept["t"]) > 0.0, True)[: len(kept["t"])]
             kept = {name: values[last] for name, values in kept.items()}
         return kept
@@ -262,6 +263,7 @@ class Joined:
             ended_by=events.ended_by,
             tau=tau if "tau" in self.record else None,
             happenings=list(self.happenings),
+            # the output just before an instant has its loss yet to come
             dissipated=kept["smooth"] + losses[np.searchsorted(when, t, side="right")],
             part_names=tuple(columns),
             part_forces=np.array(list(columns.values())).reshape(len(columns), len(t)).T,

@@ -54,6 +54,7 @@ class RoundCusps(Progress):
         since, slack = self._t, self._grid.slack
         times = np.union1d(self._grid.after(since, MOST), self.joined.chosen.between(since, part.t1))
         times = times[(since < times) & (times < part.t1 - slack)]
+        # at the cusp itself the acceleration is infinite
         times = np.array([since, *times, np.nextafter(part.t1, -np.inf) if part.ends == "cusp" else part.t1])
         zero = part.ended(self._events, times) if self._events else None
         if zero is not None:

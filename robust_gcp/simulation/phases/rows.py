@@ -151,6 +151,7 @@ class Rows:
     def locked(self, t: float, latched: Collection[int] = ()) -> list[int]:
         """Locks that hold at the time t; `latched` are those whose event was."""
         locks = [(i, self.rows[i]) for i in self.of(Kind.LOCK)]
+        # open at `end`, as the phase that begins there has it
         return [i for i, x in locks if x.start <= t < x.end and (x.when is None or i in latched)]
 
     def touched(self, q: Array, v: Array) -> list[int]:

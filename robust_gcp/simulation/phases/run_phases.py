@@ -54,6 +54,7 @@ def run_phases(
     finally:
         phases.passed.machines.release()
     run.passed = phases.passed
+    # a kink leaves an error of energy of its own, which no shorter step mends
     if course.drives is not None and warned_of_kink(course.drives, run.t):
         return run
     Coarse(course.mechanism, course.step).judge(run)

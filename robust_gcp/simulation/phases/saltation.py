@@ -128,7 +128,7 @@ def _reset(rows: Rows, mechanism: Mechanism, turn: Turn, slope: Slope) -> Array:
     for found in impulses(rows, turn.q, v, stops, locks, Seen(v, np.zeros_like(v), v)):
         by, v = by + _struck(rows, mechanism, turn.q, v, found, by), found.v
     reset[nv:] = 0.0
-    reset[nv:, own], reset[nv:, nv + own] = np.hsplit(by, 2)
+    reset[nv:, own], reset[nv:, nv + own] = np.hsplit(by, 2)  # on the tangent no others are read
     return reset
 
 
@@ -162,7 +162,7 @@ def _struck(rows: Rows, mechanism: Mechanism, q: Array, v: Array, found: Impulse
     A = still.da_dtau @ E.T
     moved = derivatives(mechanism, q, still.G @ (A @ P)).dv_dy
     bent = np.zeros_like(by)
-    bent[:, :m] = still.G @ (pushed.da_dy - still.da_dy) + moved
+    bent[:, :m] = still.G @ (pushed.da_dy - still.da_dy) + moved  # gravity's part is in both
     rate = (1.0 + bounced)[:, None] * (E @ by) + E @ bent
     by_P = np.linalg.lstsq(E @ still.G @ A, -rate, rcond=1e-9)[0]  # rows that depend on each other share P
     return bent + still.G @ (A @ by_P)

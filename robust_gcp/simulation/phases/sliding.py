@@ -54,6 +54,7 @@ class Sliding:
         rows, bounds, k = self._rows, self._bounds, len(self._rows)
         other = bounds.constant.copy()
         other[rows] = 0.0
+        # n is affine in the friction: without any and with 1 of each tells n⁰ and n¹
         tau = self._acting(t, q, v, other) + np.vstack([np.zeros(len(v)), self._against])
         a, multipliers = moved(self._mechanism, t, q, v, tau, bounds.rows.driven(t))
         same = np.full(k + 1, t), np.tile(q, (k + 1, 1)), np.tile(v, (k + 1, 1))

@@ -88,12 +88,13 @@ class Signals:
         signs = [rows.side[i] for i in stops]
         signs += [-rows.side[i] if i in phase.touching else rows.side[i] for i in springs]
         signs += [phase.slip[i] for i in slips]
-        signs += [1.0] * len(carried) + [-1.0] * len(carried)
+        signs += [1.0] * len(carried) + [-1.0] * len(carried)  # a drive takes them either way
         self._sign, self._rows = np.array(signs), rows
         first = len(stops) + len(springs)
         self._rate = np.arange(len(self.rows)) >= first
         self._at = np.zeros(len(self.rows))  # of r, or of its rate
         self._at[:first] = rows.at[self.rows[:first]]
+        # in place of 0: where a drive stands still a rate is rounding of either sign
         slack = [DWELL if rows.drive else 0.0] * len(slips) + [MOVED] * (2 * len(carried))
         self._at[first:] = -np.array(slack) * self._sign[first:]
 
@@ -140,7 +141,7 @@ class Signals:
                 if slip:
                     ends = self._steady(int(k), float(h[step]), ends, q[step : step + 2])
                 p = np.array(quintic(h[step], *ends.T)[::-1])
-                if not np.isfinite(p).all():
+                if not np.isfinite(p).all():  # roots of these are an error of NumPy's own
                     raise NonFiniteError(
                         f"the state left the finite numbers after t = {t[step]:.6g} s; use a smaller "
                         "step, and check v0 and torque"
@@ -148,6 +149,7 @@ class Signals:
                 begun = 0.0
                 if not slip and -BELOW <= p[-1] < 0.0 < p[-2]:  # left from as far below as an event may lie
                     begun, p[-1] = float(p[-1]), 0.0
+                # p is over shares of the step: its slope is ṙ h
                 root = falling_root(np.polyder(p) if slip else p, BELOW * (h[step] if slip else 1.0))
                 where = int(step) + since, int(self.rows[k])
                 if root is not None and where not in none and (best is None or root[0] < best.share):
@@ -201,7 +203,7 @@ class Holding:
         found = reactions(machine, steps.q, steps.v, steps.a, steps.tau)
         if found is None:
             return None
-        f = found[:, -len(held) :]
+        f = found[:, -len(held) :]  # closures of what is held come last, in the order of `held`
         for k in (0, n - 1):
             own = self.forces(steps.t[k], steps.q[k], steps.v[k], steps.a[k], steps.tau[k])[0][held]
             if not np.abs(f[k] - own).max() <= ALIKE * (1.0 + np.abs(own).max()):
@@ -220,7 +222,7 @@ class Holding:
     ) -> tuple[Load, Array]:
         mechanism = self._rows.mechanism
         N, _ = admissible(mechanism, q, v, Seen.of(v, a) if seen is None else seen, self._rows.driven())
-        A = self._E @ N
+        A = self._E @ N  # rows that the mode does not move are none, as in `Frame.rows`
         A[np.linalg.norm(A, axis=1) <= UNMOVED * np.linalg.norm(N)] = 0.0
         need = N.T @ (mechanism.tree.rnea(q, v, a) - tau)
         F = self._bounds.constant[self._held]
