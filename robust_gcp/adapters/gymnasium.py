@@ -105,6 +105,7 @@ class MechanismVectorEnv(gymnasium.vector.VectorEnv[Any, Any, Any]):
         for label, function in (("reward", reward), ("start", start), ("done", done), ("observe", observe)):
             check_callable(label, function, "of arrays, see MechanismVectorEnv")
         self._observe = self._usual if observe is None else observe
+        # of no seed yet, which `reset` is given: to know the shapes
         q0, v0 = (None, None) if start is None else start(np.random.default_rng(0), num_envs)
         self.batch = Batch(mechanism, num_envs, q0, v0, step, threads=threads)
         self._turning = np.zeros(mechanism.nq, bool)

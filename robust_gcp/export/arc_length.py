@@ -69,6 +69,7 @@ def _first(point: Mechanism, v: Array, way: Array) -> float:
     apart = np.array([way_between(point, point.home, q) for q in run.q])
     # other modes may lead through home as well, and this one backwards: the way must be the same
     near = np.linalg.norm(apart, axis=1) < 2.0 * FIRST
+    # nor is the start itself one
     again = np.flatnonzero(near & ((run.v / point.units) @ way > 0.9) & (run.t > 10.0 * FIRST))
     if not len(again):
         raise ModelError("it does not come back to home")

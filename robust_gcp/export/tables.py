@@ -74,7 +74,7 @@ def _along(mechanism: Mechanism) -> tuple[float, Array] | None:
     joint, y0 = mechanism.independent[0], _home(mechanism)
     for turns in TURNS:
         period = 2.0 * np.pi * turns
-        drive = {joint: Motion(lambda t: y0 + t)}
+        drive = {joint: Motion(lambda t: y0 + t)}  # at unit speed v is G
         try:
             run = simulate(mechanism, duration=period, step=period / POINTS, drive=drive)
         except RobustGcpError:
@@ -120,9 +120,9 @@ def _terms(mechanism: Mechanism, q: Array, G: Array) -> Iterator[tuple[float, fl
 
 def _fitted(samples: Array, called: str) -> tuple[Array, float]:
     """Polynomials on cells, (cells, rows, DEGREE + 1) by rising power of −1 … 1; and their error."""
-    size = np.maximum(np.abs(samples).max(axis=0), 1e-300)
+    size = np.maximum(np.abs(samples).max(axis=0), 1e-300)  # D is 0 all along without dampers
     wave = np.fft.rfft(samples, axis=0) / len(samples)
-    wave[1:] *= 2.0
+    wave[1:] *= 2.0  # of real samples: each with its conjugate
     half = np.fft.rfft(samples[::2], axis=0) / (len(samples) // 2)
     half[1:] *= 2.0
     kept = len(half) - 1

@@ -29,6 +29,7 @@ def closed_home(
     try:
         home = assembled_within(loops, start, every, "home", spreads)
     except ClosureError as failure:
+        # rows that are redundant but for the rounding of a file's numbers contradict each other by it
         if failure.nearest is None or loops.closure_residual(failure.nearest) > ROUNDED:
             raise
         freed, rounded = without_rounded_rows(loops, failure.nearest)

@@ -189,6 +189,7 @@ def _tell_floating(model: pin.Model, path: Path) -> None:
 
 def _folder(path: Path, given: str | Path) -> tuple[Path, Path]:
     """The folder that is meant, and what to read in it first: robot.yaml or, without it, one robot's file."""
+    # a folder of the user's goes before a shipped model of its name
     if not is_file(path / "robot.yaml") and str(given) in model_names():
         path = models_folder() / str(given)
     if str(given) and (is_file(path / "robot.yaml") or is_link(path / "robot.yaml")):

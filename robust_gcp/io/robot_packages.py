@@ -38,6 +38,7 @@ def _described(given: str, robot: str) -> Path:
     descriptions = importlib.import_module("robot_descriptions._descriptions").DESCRIPTIONS
     if robot not in descriptions:
         raise ModelError(f"{shown(given)}: there is no such description{hint(robot, descriptions)}")
+    # its source is read, not run: to import it fetches what is not there
     spec = importlib.util.find_spec(f"robot_descriptions.{robot}")
     source = "" if spec is None or spec.origin is None else Path(spec.origin).read_text(encoding="utf-8")
     calls = [node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Call)]

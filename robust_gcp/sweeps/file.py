@@ -151,7 +151,7 @@ class SweepFile:
             return
         self._require(first, header)
         whole = len(first) + 1
-        for number, text in enumerate(lines[:-1], start=2):
+        for number, text in enumerate(lines[:-1], start=2):  # what has no end of line is torn: it goes
             whole += len(text) + 1
             try:
                 line = json.loads(text)
@@ -195,7 +195,7 @@ class SweepFile:
                 left = left[self._file.write(left) :]
         except OSError as error:
             with suppress(OSError):
-                self._file.truncate(end)
+                self._file.truncate(end)  # else the next line would go on from half of this one
             raise SweepError(
                 f"{self.path} cannot be written ({error}); all runs before this one are in it: make room and "
                 "call sweep again, which goes on from there"

@@ -215,7 +215,7 @@ def _died() -> Outcome:
 
 def _pickled(index: int, build: Build, keep: Keep, parameters: Mapping[str, Any]) -> bytes:
     for what, value in (("build", build), ("keep", keep), (f"runs[{index}]", dict(parameters))):
-        try:
+        try:  # apart, to tell which of them it is
             pickle.dumps(value)
         except Exception as error:  # pickle raises what it likes
             raise OptionError(

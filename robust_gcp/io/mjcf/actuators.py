@@ -65,6 +65,7 @@ class CompiledActuators:
             if not self._is_idle(a):
                 self.left_out["actuators"].append(label)
             return
+        # of balls, free joints and sites gears are vectors, which are in the path
         with_gear = isinstance(path, FixedTendon | SpatialTendon | SliderCrank)
         gear = float(m.actuator_gear[a, 0]) if with_gear else 1.0
         for what in ("damping", "armature"):
@@ -85,6 +86,7 @@ class CompiledActuators:
     def _is_switched_off(self, a: int) -> bool:
         """Whether `<option actuatorgroupdisable>` names its group."""
         group = int(self._m.actuator_group[a])
+        # bits of an int: groups beyond them cannot be switched off
         return 0 <= group <= 30 and bool(int(self._m.opt.disableactuator) >> group & 1)
 
     def _add_passive(self, a: int, what: str, path: Path, gear: float, label: str) -> None:
@@ -166,6 +168,7 @@ class CompiledActuators:
             key: tuple(map(float, value)) for key, value in limited.items() if np.size(value) == 2
         }
         affine = m.actuator_gaintype[a] == AFFINE, m.actuator_biastype[a] == AFFINE
+        # qpos0 has no activations of its own
         start = m.key_act[0, int(m.actuator_actadr[a])] if m.nkey and dynamics != "none" else 0.0
         return Actuator(
             name, path, gear,

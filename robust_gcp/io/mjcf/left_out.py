@@ -55,6 +55,7 @@ def _lifts(m: Any, tree: CompiledTree) -> list[Force]:
 
 def _is_lifted(m: Any) -> bool:
     """Whether MuJoCo lifts at all."""
+    # MuJoCo's passive forces end before it where springs and dampers are both off
     return not (is_off(m, "GRAVITY") or (is_off(m, "SPRING") and is_off(m, "DAMPER")))
 
 

@@ -72,6 +72,7 @@ def mjcf_text(mechanism: Mechanism, lost: Lost) -> str:
     _filled(root, "equality", writer.equalities)
     _filled(root, "actuator", motors)
     keys = {name: key.q for name, key in mechanism.keyframes.items()} | {"home": mechanism.home}
+    # home first: `load` has activations from the first one
     written = [_key(name, parts, keys[name]) for name in sorted(keys, key="home".__ne__)]
     if any(drives.activations):
         written[0].set("act", text(drives.activations))

@@ -57,6 +57,7 @@ def read_sdf(sdf: str | Path, base: str | None = None, root: str | Path | None =
         raise ModelError(
             f"{name}: <include> names other models, which are not read; write them into the file"
         )
+    # what stands still is scenery: worlds begin with a ground plane
     models = [m for m in (*document.findall("model"), *document.findall("world/model")) if not _is_static(m)]
     if len(models) != 1:
         found = ", ".join(repr(m.get("name")) for m in models) or "none that moves"

@@ -182,6 +182,7 @@ def _axis(element: Element, tag: str, where: str) -> list[float]:
     own = element.find(f"{tag}_axis")
     given = element.find("axis") if own is None else own
     if given is None:
+        # the first two have URDF's own default
         return [1.0, 0.0, 0.0] if element.tag in ("loop_joint", "constraint") else [0.0, 0.0, 1.0]
     axis = numbers_in(given, "xyz", where)
     if not any(axis):

@@ -79,13 +79,14 @@ def read_urdf(urdf: str | Path, base: str | None = None) -> FileContents:
     declare_world(root)
     check_urdf(root, name)
     refuse_unknown_ties(root, name)
-    left_out = left_out_of(root, name)
+    left_out = left_out_of(root, name)  # before joints are added that are not the file's
     left_out += named(STAYS, set_base(root, base))
     _require_memory(joint.get("type", "") for joint in root.findall("joint"))
     try:
         model = pin.buildModelFromXML(ElementTree.tostring(_reduced(root), encoding="unicode"))
     except (ValueError, RuntimeError) as error:
         raise ModelError(f"{name}: Pinocchio cannot build a model from it ({error})") from error
+    # links, joints and ties by name are the file's: only the tree goes through Pinocchio's parser
     round_ones = {j.get("name", ""): "SPHERICAL" for j in root.findall("joint") if j.get("type") in SPHERICAL}
     model = with_joint_changes(model, round_ones, Path(name))
     _set_armature(root, model, name)

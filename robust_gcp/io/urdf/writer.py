@@ -80,6 +80,7 @@ def _body(root: Element, parent: str, part: Part, follows: CouplingClosure | Non
         if kind in ("revolute", "prismatic"):
             low, high = (-WIDE, WIDE) if part.range is None else np.clip(part.range, -WIDE, WIDE).tolist()
             ends = {"lower": repr(low), "upper": repr(high)}
+            # urdfdom takes no limit without effort and velocity
             SubElement(joint, "limit", ends, effort=repr(WIDE), velocity=repr(WIDE))
         dynamics: dict[str, str] = {}
         if part.stiffness:

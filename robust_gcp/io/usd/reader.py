@@ -126,7 +126,7 @@ class _Stage:
             for p in self._prims
             if p.IsA(self._physics.Joint) and self._on(p, "physics:jointEnabled")
         ]
-        joints = [joint for joint in joints if not joint.parent == joint.child == WORLD]
+        joints = [joint for joint in joints if not joint.parent == joint.child == WORLD]  # of kinematic ones
         couplings = self._couplings()
         tied = {label for coupling in couplings for label in coupling.joints}
         for joint in joints:
