@@ -221,3 +221,15 @@ def test_phases_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None
     with pytest.raises(rg.SimulationError, match="follow each other without end") as caught:
         rg.simulate(rg.load("rhombus"), duration=0.01, step=1e-3, joints=[rg.JointFriction("q1", 1.0)])
     assert caught.value.trajectory is not None
+
+
+def test_friction_at_a_dead_point_of_its_joint(backend: Any) -> None:
+    """A crank let go where its slide is at its end: friction of the slide begins as soon as that moves."""
+    crank, brush = rg.load("slider_crank"), rg.JointFriction("q3", 2.0)
+    starts = [crank.assemble({"q1": np.pi - beside}, hold=["q1"]) for beside in (0.0, 1e-8)]
+    at, beside = (
+        rg.simulate(crank, q0, [0.0] * 3, 0.2, 1e-3, joints=[brush], backend=backend) for q0 in starts
+    )
+    np.testing.assert_allclose(at.q[-1], beside.q[-1], atol=1e-7)
+    assert at["friction.q3"][-1] == beside["friction.q3"][-1] == -2.0
+    assert at.dissipated[-1] == pytest.approx(beside.dissipated[-1], rel=1e-6)

@@ -196,3 +196,26 @@ def test_a_latch_of_a_loop_at_order_four() -> None:
         assert runs[-1].t[k - 1] == np.nextafter(times[-1], 0.0)
         ends.append(runs[-1].q[-1])
     assert np.abs(ends[0] - ends[1]).max() < 1e-7
+
+
+@pytest.mark.parametrize("speed", [0.0, 3.0])
+def test_a_lock_that_begins_at_a_dead_point(speed: float, backend: Any) -> None:
+    """At first order it holds nothing there; it stops the crank as it does beside that place."""
+    crank, lock = rg.load("slider_crank"), [rg.Lock("q3")]
+    kw: dict[str, Any] = {"joints": lock, "backend": backend, "record": ("energy", "a", "tau")}
+    for beside in (0.0, 1e-10, 1e-6):
+        q0 = crank.assemble({"q1": np.pi - beside}, hold=["q1"])
+        v0 = crank.lift(q0, [speed])
+        run = rg.simulate(crank, q0, v0, 0.05, 1e-3, **kw)
+        assert not run.v[-1].any() and np.abs(run.q[-1] - q0).max() < 1e-4
+        lost = crank.energy(q0, v0) - crank.energy(q0, np.zeros(3))
+        assert run.dissipated[-1] == pytest.approx(lost, abs=1e-3)
+        require_sound(run, 1e-9)
+
+
+def test_derivatives_do_not_follow_a_lock_at_a_dead_point() -> None:
+    crank = rg.load("slider_crank")
+    q0 = crank.assemble({"q1": np.pi}, hold=["q1"])
+    run = rg.simulate(crank, q0, duration=0.05, step=1e-3, joints=[rg.Lock("q3")])
+    with pytest.raises(rg.NotDifferentiableError, match="lock of q3 stops it beside a dead point"):
+        rg.sensitivity(run)

@@ -399,6 +399,21 @@ def test_a_stop_beside_a_dead_point_of_its_joint() -> None:
     assert passed.happenings == [] and np.abs(passed.q[-1] - free.q[-1]).max() < 1e-9
 
 
+@pytest.mark.parametrize("beside", [1e-9, 1e-10, 1e-11])
+def test_a_start_just_before_a_stop_at_a_dead_point(beside: float) -> None:
+    """Its rate is more than rounding, and no impulse changes it: the motion passes."""
+    crank = rg.load("slider_crank")
+    q0, top = (crank.assemble({"q1": y}, hold=["q1"]) for y in (beside, 0.0))
+    stop = rg.Stop("q3", upper=top[2], restitution=0.5)
+    run = rg.simulate(crank, q0, crank.lift(q0, [-3.0]), 0.2, 0.005, joints=[stop])
+    free = rg.simulate(crank, q0, crank.lift(q0, [-3.0]), 0.2, 0.005)
+    assert run.happenings == []
+    np.testing.assert_allclose(run.q[-1], free.q[-1], atol=1e-12)
+    drive = {"q1": rg.Motion(lambda t: beside - 3.0 * t)}
+    driven = rg.simulate(crank, duration=0.2, step=0.005, drive=drive, joints=[stop])
+    assert driven.happenings == []
+
+
 def test_a_stop_at_a_singular_place() -> None:
     """A rhombus meets a stop of q2 where its modes meet: when it would pass, along its mode."""
     rhombus = rg.load("rhombus")

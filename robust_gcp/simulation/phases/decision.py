@@ -70,7 +70,8 @@ class Phase:
     latched : frozenset of int
         Locks whose event was.
     carried : list of int
-        Rows at rest only as long as what is driven leaves them so: nothing holds them against a drive.
+        Rows at rest that the basis does not keep so: what is driven moves them, or a joint that leaves its
+        dead point.
     """
 
     held: list[int] = field(default_factory=list)
@@ -85,7 +86,8 @@ class Phase:
     def key(self) -> Hashable:
         """What tells it from others while it lasts."""
         slip, at = sorted(self.slip.items()), sorted(self.offsets.items())
-        return tuple(self.held), tuple(self.basis), tuple(at), tuple(slip), self.touching
+        held = tuple(self.held), tuple(self.basis), tuple(self.carried)
+        return *held, tuple(at), tuple(slip), self.touching
 
     def successor(self) -> Phase:
         """One with the same springs and latches, of which nothing else is known."""
@@ -248,11 +250,10 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
 
 
 def _carried(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> list[int]:
-    """Rows at rest that the phase's independent ones would not keep so if what is driven moved."""
-    if rows.drive is None:
-        return []
+    """Rows at rest that the phase's independent ones do not keep so, and that may come to move."""
     N, _ = admissible(rows.mechanism, q, v, seen)  # what is driven moves too
     A, basis = rows.E[phase.held] @ N, rows.E[phase.basis] @ N
     left = A - np.linalg.lstsq(basis.T, A.T, rcond=DEPENDENT)[0].T @ basis if len(basis) else A
-    moved = np.linalg.norm(left, axis=1) > DEPENDENT * np.linalg.norm(A, axis=1)
+    # of a row at its dead point, which is 0, too: it has a rate as soon as others move
+    moved = np.linalg.norm(left, axis=1) >= DEPENDENT * np.linalg.norm(A, axis=1)
     return [i for i, free in zip(phase.held, moved.tolist(), strict=True) if free]

@@ -115,18 +115,22 @@ def struck(
     stops = [i for i in stops if plastic or rates[i] <= tiny]
     struck_rows, n = [*stops, *locks], len(stops)
     E, w = rows.side[struck_rows][:, None] * rows.E[struck_rows], rates[struck_rows]
-    if not (np.any(w[:n] < -tiny) or np.any(np.abs(w[n:]) > tiny)):
+    of_stop = np.arange(len(w)) < n
+    wrong = np.where(of_stop, w < -tiny, np.abs(w) > tiny)
+    if not wrong.any():
         return None
     frame = Frame(rows.mechanism, q, v, seen, None, rows.driven())
     B = frame.rows(E)
     require_way(rows, struck_rows, B, w, size)
+    if not np.any(wrong & B.any(axis=0)):  # within 1e-9 of a dead point, where no impulse changes a rate
+        return None
     share = np.minimum(frame.shares(E, B), 1.0)
-    falls = np.abs(E @ seen.a)
+    falls = np.where(of_stop, np.abs(E @ seen.a), 0.0)  # a lock throws nothing back
     # at a dead point the joint is slow, not what it is part of
     rest = np.maximum(REST * share, np.sqrt(2.0 * LEAST * falls * rows.sizes(q)[struck_rows]))
     fast = np.abs(w) > rest
     e = np.where(fast & (w < 0.0) & (not plastic), [rows.rows[i].restitution for i in struck_rows], 0.0)
-    lower = np.where(np.arange(len(w)) < n, 0.0, -np.inf)
+    lower = np.where(of_stop, 0.0, -np.inf)
     P, _ = box(B, w + e * np.minimum(w, 0.0), lower, np.full(len(w), np.inf), size)
     after = v + frame.kick(B @ P)
     by_row = np.zeros(len(rows.rows))

@@ -101,6 +101,11 @@ def jump_of(
 def _require_crossed(rows: Rows, turn: Turn, held: list[int], rate: float, at_rest: bool) -> None:
     """Refuse what is grazed, and stops that are met together."""
     name = ", ".join(rows.names([turn.why]))
+    if rows.rows[turn.why].kind is Kind.LOCK:
+        raise NotDifferentiableError(
+            f"at t = {turn.t:.6g} s the lock of {name} stops it beside a dead point: what follows depends on "
+            "the start without bound; lock it elsewhere"
+        )
     if abs(rate) <= GRAZING:
         what = "comes to rest without deceleration" if at_rest else "grazes its stop"
         raise NotDifferentiableError(

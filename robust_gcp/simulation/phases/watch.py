@@ -35,7 +35,7 @@ ROUNDING = 1e-14
 """Share of its size by which the change of a row over a step may err."""
 
 MOVED = 2.0 * REST
-"""m/s or rad/s at which a row that rests by its drive alone is moved: more than what counts as rest."""
+"""m/s or rad/s at which a row at rest that nothing holds is moved: more than what counts as rest."""
 
 DWELL = 1e-12
 """m/s or rad/s: what a drive at rest leaves of a rate by rounding, which is no change of its sign."""
@@ -88,7 +88,7 @@ class Signals:
         signs = [rows.side[i] for i in stops]
         signs += [-rows.side[i] if i in phase.touching else rows.side[i] for i in springs]
         signs += [phase.slip[i] for i in slips]
-        signs += [1.0] * len(carried) + [-1.0] * len(carried)  # a drive takes them either way
+        signs += [1.0] * len(carried) + [-1.0] * len(carried)  # they may go either way
         self._sign, self._rows = np.array(signs), rows
         first = len(stops) + len(springs)
         self._rate = np.arange(len(self.rows)) >= first
