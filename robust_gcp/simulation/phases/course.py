@@ -201,7 +201,7 @@ class Phases(RoundCusps):
     def _met(self, machine: Mechanism, found: Found, h: float, held: Array) -> None:
         """Go to an event in the step h that begins now."""
         start = self._state
-        self._count()
+        self._count()  # and not `_drop`: what the leg took beyond it is none of the motion
         self._events.forget(self._t)  # what the leg met of the user's in going beyond it
         self._events.ended_by = None
         part = self._stretch.located(start, h, found)

@@ -94,6 +94,7 @@ class Machines:
         if not n:
             return np.zeros((len(t), 0))
         if self.held is not None:
+            # a torque counts from its own time on
             values, at = [*self._before, self.held.value], np.searchsorted(self._until, t, side="right")
             found = self.held.driven(np.array([values[k] for k in at]), t)
         elif isinstance(self.torque, Actuated):

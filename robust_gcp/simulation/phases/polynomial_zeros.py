@@ -53,6 +53,7 @@ def _steady_fall(p: Array, tiny: float) -> tuple[float, float, float] | None:
 
     So it is where a stop is met, and where one bounces within a step.
     """
+    # the slope changes its sign no more often than its coefficients do
     falls = _bernstein(np.polyder(p)) < 0.0
     if p[-1] < -tiny or p.sum() >= -tiny or not falls[int(falls.argmax()) :].all() or not falls[-1]:
         return None

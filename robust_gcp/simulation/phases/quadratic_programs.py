@@ -49,7 +49,7 @@ def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Ar
         f[~idle], w[~idle] = box(B[:, ~idle], b[~idle], lower[~idle], upper[~idle], size)
         return f, w
     if n == 1 and (size_of_row := float(B[:, 0] @ B[:, 0])) > 0.0:
-        only = np.clip(-b / size_of_row, lower, upper)
+        only = np.clip(-b / size_of_row, lower, upper)  # what BVLS would take 0.2 ms for
         return only, size_of_row * only + b
     d = np.linalg.lstsq(B.T, b, rcond=RANK)[0]
     if np.abs(B.T @ d - b).max() <= ZERO * size:

@@ -129,7 +129,7 @@ def moved(
         ways, a0 = driven.restricted(N, a0)
     free = tau - tree.rnea(q, v, a0)
     further = np.linalg.solve(ways.T @ M @ ways, ways.T @ free.T).T @ ways.T
-    left = further @ M - free
+    left = further @ M - free  # M a + C − τ, which Kᵀ λ balances
     if driven is not None:
         for part in left:
             part[driven.iv] -= driven.balanced(N, part)
