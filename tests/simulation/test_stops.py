@@ -399,6 +399,20 @@ def test_a_stop_beside_a_dead_point_of_its_joint() -> None:
     assert passed.happenings == [] and np.abs(passed.q[-1] - free.q[-1]).max() < 1e-9
 
 
+@pytest.mark.parametrize("inside", [1.2e-13, 1.6e-13, 1e-12])
+def test_what_a_stop_hardly_inside_a_dead_point_takes_is_told(inside: float) -> None:
+    """Its rate is that of a bounce off rounding, but nothing brings it back: it is no rest."""
+    crank = rg.load("slider_crank")
+    q0, top = (crank.assemble({"q1": y}, hold=["q1"]) for y in (0.3, 0.0))
+    stop = rg.Stop("q3", upper=top[2] - inside, restitution=0.5)
+    with pytest.warns(rg.SingularityWarning, match="dead point"):
+        run = rg.simulate(
+            crank, q0, crank.lift(q0, [-3.0]), 0.3, 0.005, joints=[stop], record=("energy", "a", "tau")
+        )
+    assert [x.kind for x in run.happenings] == ["grazing"] and run.happenings[0].loss > 5.0
+    require_sound(run, 1e-6)
+
+
 @pytest.mark.parametrize("beside", [1e-9, 1e-10, 1e-11])
 def test_a_start_just_before_a_stop_at_a_dead_point(beside: float) -> None:
     """Its rate is more than rounding, and no impulse changes it: the motion passes."""

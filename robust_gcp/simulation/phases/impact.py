@@ -125,7 +125,8 @@ def struck(
     if not np.any(wrong & B.any(axis=0)):  # within 1e-9 of a dead point, where no impulse changes a rate
         return None
     share = np.minimum(frame.shares(E, B), 1.0)
-    falls = np.where(of_stop, np.abs(E @ seen.a), 0.0)  # a lock throws nothing back
+    # back onto it: behind a dead point the joint goes by itself, and a lock throws nothing back
+    falls = np.where(of_stop, np.maximum(-(E @ seen.a), 0.0), 0.0)
     # at a dead point the joint is slow, not what it is part of
     rest = np.maximum(REST * share, np.sqrt(2.0 * LEAST * falls * rows.sizes(q)[struck_rows]))
     fast = np.abs(w) > rest
