@@ -41,6 +41,6 @@ class Recommended:
             self.step if step is None else step,
         )
 
-    def velocity(self, *start: Any) -> Array | None:
-        """The velocity to begin with where nothing of the start (q0, v0, mode) is given."""
-        return self.v0 if all(given is None for given in start) else None
+    def velocity(self, q0: Any, mode: Any) -> Array | None:
+        """The velocity to begin with where nothing else of the start is given."""
+        return self.v0 if q0 is None and mode is None else None
