@@ -67,7 +67,13 @@ class Motion:
         if not callable(position):
             self.position = _held(position) if _is_single(position) else self._joined(position)
         if hasattr(self.position, "derivative") and velocity is None:
-            self.velocity, self.acceleration = self.position.derivative(1), self.position.derivative(2)
+            try:
+                self.velocity, self.acceleration = self.position.derivative(1), self.position.derivative(2)
+            except ValueError as error:  # of degree 1, or 0
+                raise OptionError(
+                    f"Motion: position = {shown(position)} has no second derivative ({error}); give a spline "
+                    "of degree 3 or more, or the table itself"
+                ) from error
 
     def recipe(self) -> dict[str, Any]:
         """What it was made of by name, a spline by its knots, coefficients and degree."""

@@ -146,10 +146,12 @@ class Phases(RoundCusps):
         leg = self._leg or self._new_leg(machine)
         i, slack = leg.at, self._grid.slack
         n = int(np.searchsorted(leg.times, end + slack, side="right")) - 1 - i
-        fault = leg.advance(min(max(n, 1), self._size) if self._stretch.limited else max(n, 1))
+        # motions are asked for all steps to come before the first of them is taken
+        few = self._stretch.limited or self._rows.drive is not None
+        fault = leg.advance(min(max(n, 1), self._size) if few else max(n, 1))
         back = leg.gone_back()
         if not (back or fault or leg.paused or leg.ended or self._stretch.looks):
-            self._t = float(leg.times[leg.at])
+            self._t, self._size = float(leg.times[leg.at]), min(2 * self._size, MOST)
             if leg.at == len(leg.times) - 1:
                 self._drop()
                 self._fresh = self._t in self._switches

@@ -15,8 +15,8 @@ from ...errors import SimulationError
 from ...mechanism.tree.tree import Array
 from .admissible import Frame, Seen, admissible
 from .bearings import ALIKE, MOST, REMEDY, FrictionBounds
-from .impact import REST, Tell, require_way, settled_impacts
-from .quadratic_programs import DEPENDENT, ZERO, box, independent_rows
+from .impact import REST, Tell, balanced, require_way, settled_impacts
+from .quadratic_programs import DEPENDENT, ZERO, independent_rows
 from .rows import Kind, Rows
 
 if TYPE_CHECKING:
@@ -169,7 +169,7 @@ def _decided_with(
     if rows.drive is not None:  # where that rests, all there is of accelerations may be rounding
         size = max(size, STILL / ZERO)
     require_way(rows, chosen, B, b, size)
-    f, w = box(B, b, lower, upper, size)
+    f, w = balanced(rows, chosen, B, b, lower, upper, size)
     held = []
     for k, i in enumerate(chosen):
         kind, moves = rows.rows[i].kind, abs(w[k]) > ZERO * size

@@ -41,6 +41,8 @@ MOST = 100
 """Impulses after each other at one instant, between stops that drive each other; then one is plastic, as
 their limit is."""
 
+JAMS = "and no other joint gives way; let the motion end before, or drive by a torque"
+
 Tell = Callable[[str, Sequence[int], float], None]
 """kind, rows, loss."""
 
@@ -94,11 +96,24 @@ def require_way(rows: Rows, chosen: Sequence[int], B: Array, w: Array, size: flo
     for k in np.flatnonzero(idle & (np.abs(w) > JAMMED * size)).tolist():
         kind = rows.rows[chosen[k]].kind
         if kind is Kind.LOCK or (kind is Kind.STOP and w[k] < 0.0):
-            names = ", ".join(rows.names([chosen[k]]))
-            raise SimulationError(
-                f"drive: {' and '.join(rows.drive.names)} would take {names} through a closed stop or lock, "
-                "and no other joint gives way; let the motion end before, or drive by a torque"
-            )
+            names, driven = ", ".join(rows.names([chosen[k]])), " and ".join(rows.drive.names)
+            raise SimulationError(f"drive: {driven} would take {names} through a closed stop or lock, {JAMS}")
+
+
+def balanced(
+    rows: Rows, chosen: Sequence[int], B: Array, b: Array, lower: Array, upper: Array, size: float
+) -> tuple[Array, Array]:
+    """`box`, with the names of what a drive leaves no way together."""
+    try:
+        return box(B, b, lower, upper, size)
+    except SimulationError as error:
+        if rows.drive is None:
+            raise
+        names = ", ".join(rows.names([i for i in chosen if rows.rows[i].kind is not Kind.FRICTION]))
+        driven = " and ".join(rows.drive.names)
+        raise SimulationError(
+            f"drive: {driven} would take one of {names} through a closed stop or lock, {JAMS}"
+        ) from error
 
 
 def struck(
@@ -132,7 +147,8 @@ def struck(
     fast = np.abs(w) > rest
     e = np.where(fast & (w < 0.0) & (not plastic), [rows.rows[i].restitution for i in struck_rows], 0.0)
     lower = np.where(of_stop, 0.0, -np.inf)
-    P, _ = box(B, w + e * np.minimum(w, 0.0), lower, np.full(len(w), np.inf), size)
+    asked, upper = w + e * np.minimum(w, 0.0), np.full(len(w), np.inf)
+    P, _ = balanced(rows, struck_rows, B, asked, lower, upper, size)
     after = v + frame.kick(B @ P)
     by_row = np.zeros(len(rows.rows))
     by_row[struck_rows] = rows.side[struck_rows] * P

@@ -120,6 +120,9 @@ def moved(
     if not mechanism.nc and driven is None:
         a = np.linalg.solve(M, (tau - tree.rnea(q, v, tree.zero)).T).T
         return a, np.zeros((k, 0))
+    if not mechanism.nc:
+        assert driven is not None
+        return _led(M, tree.rnea(q, v, tree.zero), tau, driven), np.zeros((k, 0))
     split = Split(mechanism, q)
     N, a0 = split.free, split.acceleration(mechanism.k(q, v))
     if N.shape[1] > mechanism.m:
@@ -134,3 +137,13 @@ def moved(
         for part in left:
             part[driven.iv] -= driven.balanced(N, part)
     return a0 + further, np.array([split.multipliers(part) for part in left])
+
+
+def _led(M: Array, bias: Array, tau: Array, driven: Driven) -> Array:
+    """a (k, nv) of an open tree under each of k torques, where the driven joints have theirs."""
+    a = np.empty_like(tau)
+    a[:, driven.iv] = driven.a
+    free = np.delete(np.arange(len(M)), driven.iv)
+    need = (tau - bias)[:, free] - M[np.ix_(free, driven.iv)] @ driven.a
+    a[:, free] = np.linalg.solve(M[np.ix_(free, free)], need.T).T
+    return a
