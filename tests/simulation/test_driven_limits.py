@@ -82,6 +82,31 @@ def test_motions_are_asked_for_the_steps_that_are_taken() -> None:
     assert len(asked) < 2 * 3 * 2000 + 200 * len(run.happenings)
 
 
+def test_what_rests_at_a_dead_point_rubs_when_it_goes_on(backend: Any) -> None:
+    """There nothing moves the slide: by power when the crank is driven, and as under the torque F else."""
+    crank, F, at = rg.load("slider_crank"), 2.0, [0.0, 0.0, 3.5]
+    kw: dict[str, Any] = {"backend": backend, "record": ("a", "energy", "tau"), "step": 2e-3}
+    turn = rg.Motion(lambda t: 1 - np.cos(2 * t), lambda t: 2 * np.sin(2 * t), lambda t: 4 * np.cos(2 * t))
+    free = rg.simulate(crank, duration=2.0, drive={"q1": turn}, **kw)
+    parts: list[Any] = [rg.JointFriction("q3", F)]
+    run = rg.simulate(crank, duration=2.0, drive={"q1": turn}, joints=parts, **kw)
+    assert [x.kind for x in run.happenings] == ["hold", "release", "at rest"]
+    own = np.isin(run.t, free.t)
+    rate = 2.0 * np.sin(2.0 * free.t)
+    moving = (np.abs(rate) > 0.05) & (free.t > 0.01)
+    lost = F * np.abs(run["v.q3"][own][moving]) / rate[moving]
+    np.testing.assert_allclose(run["drive.q1"][own][moving], free["drive.q1"][moving] + lost, atol=1e-10)
+    run = rg.simulate(crank, at, [0.0] * 3, 0.4, torque=[50.0, 0.0, 0.0], joints=parts, **kw)
+    exact = rg.simulate(crank, at, [0.0] * 3, 0.4, torque=[50.0, 0.0, F], **kw)
+    assert [x.kind for x in run.happenings] == ["hold", "release"]
+    # up to 2e-6 m/s, for 1 ms, it does not rub: F v t = 4e-9 J; the rest is RK4's, in other steps
+    np.testing.assert_allclose(run.at([0.1])["q1"], exact.at([0.1])["q1"], atol=2e-8)
+    lock = [rg.Lock("q3")]
+    run = rg.simulate(crank, at, [0.0] * 3, 0.4, torque=[50.0, 0.0, 0.0], joints=lock, **kw)
+    # as soon as it can: q3 falls by 1.2 q1² /2
+    assert np.abs(run["q3"] - 3.5).max() < 1e-9 and np.abs(run["q1"]).max() < 1e-4
+
+
 def test_a_spline_without_a_second_derivative_is_no_motion() -> None:
     with pytest.raises(rg.OptionError, match=r"no second derivative.*degree 3"):
         rg.Motion(make_interp_spline([0.0, 1.0, 2.0], [0.0, 1.0, 0.0], k=1))
