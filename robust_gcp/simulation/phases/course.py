@@ -266,9 +266,8 @@ class Phases(RoundCusps):
         zero = Still(self._q, self._v).ended(self._events, found.block.t) if self._events else None
         if zero is not None:
             times = np.append(times[times < zero], zero)
-            found = rested(
-                self._machines, self._phase, self._state, times
-            )  # what breaks after it does not count
+            # what breaks after it does not count
+            found = rested(self._machines, self._phase, self._state, times)
         switched = found.until in self._switches
         if switched and not found.broke:
             found.block.t[-1] = np.nextafter(found.until, -np.inf)

@@ -113,6 +113,12 @@ class Load:
         margin = self._margin(f)
         if margin >= 0.0 or len(f) <= self._rank:
             return f, margin
+        locks = ~(self._dry | self._pushes)
+        if locks.any() and not self._pushes.any():  # where they can hold it all no other margin is larger
+            f = np.zeros(len(f))
+            f[locks], _, rank, _ = np.linalg.lstsq(self._A[locks].T, need, rcond=RANK)
+            if rank == self._rank:
+                return f, self._margin(f)
         return self._shared(need)
 
     def margin(self, need: Array) -> float:
