@@ -2,6 +2,7 @@
 
 rows             r(q) of each part, as rows of velocities
 admissible       admissible velocities and accelerations at an instant, without a choice of y
+driven           joints that move as prescribed, in these
 quadratic_programs  forces within bounds, of a few unknowns
 impact           impulses: Newton's restitution
 bearings         dry friction as a share of reactions

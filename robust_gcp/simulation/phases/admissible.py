@@ -12,7 +12,6 @@ work in N, and is no unknown.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +20,7 @@ from scipy.linalg.lapack import dtrtrs
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
+from .driven import Driven
 
 NEAR = 1e-2
 """σ_min of K over σ_max below which the motion's own tangent is the better one: ker K errs by ε/δ."""
@@ -116,27 +116,6 @@ def admissible(
             )  # fmt: skip
         columns.append(own)
     return np.hstack(columns), p
-
-
-class Driven(NamedTuple):
-    """Joints that move as prescribed: their places in v, (k,), and their accelerations now."""
-
-    iv: NDArray[np.int64]
-    a: Array
-
-    def restricted(self, N: Array, p: Array) -> tuple[Array, Array]:
-        """N and p of motions that keep to what is prescribed."""
-        D = N[self.iv]
-        Q, R = np.linalg.qr(D.T, mode="complete")
-        k = len(self.iv)
-        # R loses rank where a driven joint turns back: what moves it at first order no more is left alone
-        p = p + N @ (Q[:, :k] @ np.linalg.lstsq(R[:k].T, self.a - p[self.iv], rcond=SINGULAR)[0])
-        return N @ Q[:, k:], p
-
-    def balanced(self, N: Array, need: Array) -> Array:
-        """What drives take, (k,), where motions along N (nv, m) need the forces `need` (nv,)."""
-        # m equations for k forces: along the motions that are free `need` is balanced already
-        return np.asarray(np.linalg.lstsq(N[self.iv].T, N.T @ need, rcond=SINGULAR)[0])
 
 
 def _free(mechanism: Mechanism) -> Array:

@@ -22,7 +22,7 @@ from ...mechanism.tree.joints import JointKind, joint_named
 from ...mechanism.tree.tree import Array
 from ...mechanism.tree.workspace import workspace
 from ..trajectories.reactions import Loaded, closure_number
-from .admissible import Driven
+from .driven import Driven
 
 if TYPE_CHECKING:
     from .decision import Phase

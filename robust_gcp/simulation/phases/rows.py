@@ -20,7 +20,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.parts import JointFriction, Lock, Part, Stop
 from ...mechanism.tree.joints import single_joint
 from ...mechanism.tree.tree import Array
-from .admissible import Driven
+from .driven import Driven
 
 GAP = 1e-12
 """m or rad: stops nearer than this at an event are closed, so that impacts at once are solved together."""

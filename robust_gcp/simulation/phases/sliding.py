@@ -18,9 +18,9 @@ from ...dynamics.equations import Split
 from ...errors import SimulationError
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
-from .admissible import Driven
 from .bearings import MOST, REMEDY, FrictionBounds, undetermined
 from .decision import Phase
+from .driven import Driven
 
 
 class Sliding:
