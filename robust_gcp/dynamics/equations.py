@@ -204,7 +204,7 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
     with a warning, at a singular configuration whose reactions K cannot balance: they are limits from both
     sides, which need not agree, and no λ there has their value.
     """
-    found = balancing_forces(mechanism, q, v, a, tau)
+    found = balancing_forces(mechanism, q, v, a, tau, Split(mechanism, q))
     if found is None:
         warn(UNBALANCED_WORDS, SingularityWarning)
         return np.full(mechanism.nc, np.nan)
@@ -212,10 +212,11 @@ def constraint_forces(mechanism: Mechanism, q: Array, v: Array, a: Array, tau: A
 
 
 def balancing_forces(
-    mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, allowed: float = UNBALANCED
-) -> Array | None:
-    """The same λ; None where they leave more than this share of the joint forces."""
-    tree, split = mechanism.tree, Split(mechanism, q)
+    mechanism: Mechanism, q: Array, v: Array, a: Array, tau: Array | None, split: Split,
+    allowed: float = UNBALANCED,
+) -> Array | None:  # fmt: skip
+    """The same λ by K's split at q; None where they leave more than this share of the joint forces."""
+    tree = mechanism.tree
     acting = tree.zero if tau is None else tau
     # judged by what cancels in it: at rest under gravity M a + C − τ itself may be rounding
     parts = np.array([tree.rnea(q, v, a).copy(), tree.rnea(q, v, tree.zero), acting])

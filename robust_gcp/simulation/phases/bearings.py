@@ -192,11 +192,11 @@ def constraint_forces(
     """
     if not mechanism.nc:
         return np.zeros(0)
+    split = Split(mechanism, q)
     if driven is not None:
         tau = tau.copy()
-        need = mechanism.tree.rnea(q, v, a) - tau
-        tau[driven.iv] += driven.balanced(Split(mechanism, q).free, need)
-    found = balancing_forces(mechanism, q, v, a, tau, UNBALANCED)
+        tau[driven.iv] += driven.effort(split.free, mechanism.tree.rnea(q, v, a) - tau)
+    found = balancing_forces(mechanism, q, v, a, tau, split, UNBALANCED)
     if found is None:
         raise undetermined(t)
     return found

@@ -213,7 +213,6 @@ def settled(
             tell(kind, changed, 0.0)
     if phase.held:  # at rest to the last digit: the phase's mechanism begins with closed rows
         v = _still(_at_rest(rows, phase, state.q, v, state.seen), state.v)
-        phase.carried = _carried(rows, phase, state.q, v, state.seen)
     return phase, v
 
 
@@ -236,7 +235,7 @@ def _broken(
 
 
 def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
-    """v with the rates of what is held to rounding 0, and the phase's independent rows."""
+    """v with the rates of what is held to rounding 0; the phase's independent rows, and those carried."""
     frame = Frame(rows.mechanism, q, v, seen, None, rows.driven())
     E = rows.E[phase.held]
     B = frame.rows(E)
@@ -245,14 +244,21 @@ def _at_rest(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> Array:
     for i in phase.basis:
         on = rows.rows[i].kind is Kind.STOP and abs(gaps[i]) <= ON_STOP
         phase.offsets[i] = float(rows.at[i] if on else values[i])
+    # what is driven moves too
+    N = frame.N if rows.drive is None else admissible(rows.mechanism, q, v, seen)[0]
+    phase.carried = _carried(phase, E @ N, rows.E[phase.basis] @ N)
     # rows may depend on each other; of all corrections that of the least kinetic energy
     return v + frame.kick(np.linalg.lstsq(B.T, -E @ v, rcond=ZERO)[0])
 
 
-def _carried(rows: Rows, phase: Phase, q: Array, v: Array, seen: Seen) -> list[int]:
-    """Rows at rest that the phase's independent ones do not keep so, and that may come to move."""
-    N, _ = admissible(rows.mechanism, q, v, seen)  # what is driven moves too
-    A, basis = rows.E[phase.held] @ N, rows.E[phase.basis] @ N
+def _carried(phase: Phase, A: Array, basis: Array) -> list[int]:
+    """Rows at rest that the phase's independent ones do not keep so, and that may come to move.
+
+    Parameters
+    ----------
+    A, basis : ndarray (n, m), (k, m)
+        E N of what is held, and of the independent rows.
+    """
     left = A - np.linalg.lstsq(basis.T, A.T, rcond=DEPENDENT)[0].T @ basis if len(basis) else A
     # of a row at its dead point, which is 0, too: it has a rate as soon as others move
     moved = np.linalg.norm(left, axis=1) >= DEPENDENT * np.linalg.norm(A, axis=1)

@@ -28,7 +28,7 @@ class Driven(NamedTuple):
         p = p + N @ (Q[:, :k] @ np.linalg.lstsq(R[:k].T, self.a - p[self.iv], rcond=TURNS)[0])
         return N @ Q[:, k:], p
 
-    def balanced(self, N: Array, need: Array) -> Array:
+    def effort(self, N: Array, need: Array) -> Array:
         """What drives take, (k,), where motions along N (nv, m) need the forces `need` (nv,)."""
         # m equations for k forces: along the motions that are free `need` is balanced already
         return np.asarray(np.linalg.lstsq(N[self.iv].T, N.T @ need, rcond=TURNS)[0])

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ...checks import check_mechanism
+from ...dynamics.prescribed.drive import Drive
 from ...errors import SimulationError
 from ...maps.classical import SingularityWarning
 from ...maps.start_check import require_compatible
@@ -40,8 +41,6 @@ JAMMED = 1e-7
 MOST = 100
 """Impulses after each other at one instant, between stops that drive each other; then one is plastic, as
 their limit is."""
-
-JAMS = "and no other joint gives way; let the motion end before, or drive by a torque"
 
 Tell = Callable[[str, Sequence[int], float], None]
 """kind, rows, loss."""
@@ -96,8 +95,16 @@ def require_way(rows: Rows, chosen: Sequence[int], B: Array, w: Array, size: flo
     for k in np.flatnonzero(idle & (np.abs(w) > JAMMED * size)).tolist():
         kind = rows.rows[chosen[k]].kind
         if kind is Kind.LOCK or (kind is Kind.STOP and w[k] < 0.0):
-            names, driven = ", ".join(rows.names([chosen[k]])), " and ".join(rows.drive.names)
-            raise SimulationError(f"drive: {driven} would take {names} through a closed stop or lock, {JAMS}")
+            raise _jam(rows.drive, rows.names([chosen[k]]))
+
+
+def _jam(drive: Drive, names: Sequence[str]) -> SimulationError:
+    """That what is driven goes against these stops and locks, or against all but one of them."""
+    driven, which = " and ".join(drive.names), "one of " if len(names) > 1 else ""
+    return SimulationError(
+        f"drive: {driven} would take {which}{', '.join(names)} through a closed stop or lock, and no "
+        "other joint gives way; let the motion end before, or drive by a torque"
+    )
 
 
 def balanced(
@@ -107,13 +114,10 @@ def balanced(
     try:
         return box(B, b, lower, upper, size)
     except SimulationError as error:
-        if rows.drive is None:
+        closed = [i for i in chosen if rows.rows[i].kind is not Kind.FRICTION]
+        if rows.drive is None or not closed:
             raise
-        names = ", ".join(rows.names([i for i in chosen if rows.rows[i].kind is not Kind.FRICTION]))
-        driven = " and ".join(rows.drive.names)
-        raise SimulationError(
-            f"drive: {driven} would take one of {names} through a closed stop or lock, {JAMS}"
-        ) from error
+        raise _jam(rows.drive, rows.names(closed)) from error
 
 
 def struck(

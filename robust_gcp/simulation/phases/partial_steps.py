@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ...dynamics.equations import Evaluation, Torque
+from ...dynamics.equations import Torque
 from ...dynamics.prescribed.zero_order_hold import HeldTorque
 from ...dynamics.problem import Problem
 from ...dynamics.tableau import Tableau
@@ -76,13 +76,11 @@ class Partial:
             place = start_at(mechanism, self._path, now.point)
             motion = Problem(place, self._torque, self._choice, self._drive)
             now = motion.equations.at_point(start.t, now.point)
-        times, wanted, told = np.array([start.t, end]), ["a", "tau", "work"], None
-        if self._drive is not None:
-            wanted, told = [*wanted, "effort"], self._drive.stages(times, workspace.shares)
-            if len(told) < 2:  # the motion has no numbers there: an error that the run's own step words
-                return None
-        driven = 0 if self._drive is None else len(self._drive.names)
-        outputs = Outputs.room(1, mechanism.nq, mechanism.nv, wanted, driven)
+        times = np.array([start.t, end])
+        told = None if self._drive is None else self._drive.stages(times, workspace.shares)
+        if told is not None and len(told) < 2:  # the motion has no numbers there: the run's own step says so
+            return None
+        outputs = Outputs.room(1, mechanism.nq, mechanism.nv, ("a", "tau", "work"))
         batch = workspace.run(times, x, now, outputs, options.zone, options, prescribed=told)
         if batch.failure is not None and isinstance(batch.failure, SimulationError):
             raise batch.failure
@@ -94,13 +92,6 @@ class Partial:
         return Steps(
             mechanism.tree, times, np.array([now.point.q, outputs.q[0]]),
             np.array([now.v, outputs.v[0]]), np.array([now.a, a[0]]), np.array([before, tau[0]]),
-            np.array([0.0, done[0]]), drive=self._taken(now, outputs),
+            np.array([0.0, done[0]]),
+            drive=np.zeros((2, 0)) if now.drive is None else np.array([now.drive, batch.now.drive]),
         )  # fmt: skip
-
-    def _taken(self, now: Evaluation, outputs: Outputs) -> Array:
-        """What drives take at both ends, (2, nv), or (2, 0)."""
-        if self._drive is None or now.drive is None or outputs.effort is None:
-            return np.zeros((2, 0))
-        after = np.full_like(now.drive, np.nan)  # no drive is not one that takes no effort
-        after[self._machine.iv_independent[self._drive.driven]] = outputs.effort[0]
-        return np.array([now.drive, after])

@@ -226,7 +226,7 @@ class Progress:
         """What is recorded so far, and what it cost since `begun` on the computer's clock."""
         self._collect()
         run = self._counted().trajectory(self.events)
-        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, self._machines.course.remembered
+        run.stats.wall_seconds, run.acted = time.perf_counter() - begun, self._machines.course.acted
         return run
 
     def _counted(self) -> Joined:

@@ -117,33 +117,18 @@ def moved(
     """
     tree, k = mechanism.tree, len(tau)
     M = tree.crba(q)
-    if not mechanism.nc and driven is None:
-        a = np.linalg.solve(M, (tau - tree.rnea(q, v, tree.zero)).T).T
-        return a, np.zeros((k, 0))
-    if not mechanism.nc:
-        assert driven is not None
-        return _led(M, tree.rnea(q, v, tree.zero), tau, driven), np.zeros((k, 0))
-    split = Split(mechanism, q)
-    N, a0 = split.free, split.acceleration(mechanism.k(q, v))
+    split = Split(mechanism, q) if mechanism.nc else None
+    N: Array = np.eye(len(v)) if split is None else split.free
+    a0 = tree.zero if split is None else split.acceleration(mechanism.k(q, v))
     if N.shape[1] > mechanism.m:
         raise undetermined(t)
-    ways = N
-    if driven is not None:
-        ways, a0 = driven.restricted(N, a0)
+    ways, a0 = (N, a0) if driven is None else driven.restricted(N, a0)
     free = tau - tree.rnea(q, v, a0)
     further = np.linalg.solve(ways.T @ M @ ways, ways.T @ free.T).T @ ways.T
+    if split is None:
+        return a0 + further, np.zeros((k, 0))
     left = further @ M - free  # M a + C − τ, which Kᵀ λ balances
     if driven is not None:
         for part in left:
-            part[driven.iv] -= driven.balanced(N, part)
+            part[driven.iv] -= driven.effort(N, part)
     return a0 + further, np.array([split.multipliers(part) for part in left])
-
-
-def _led(M: Array, bias: Array, tau: Array, driven: Driven) -> Array:
-    """a (k, nv) of an open tree under each of k torques, where the driven joints have theirs."""
-    a = np.empty_like(tau)
-    a[:, driven.iv] = driven.a
-    free = np.delete(np.arange(len(M)), driven.iv)
-    need = (tau - bias)[:, free] - M[np.ix_(free, driven.iv)] @ driven.a
-    a[:, free] = np.linalg.solve(M[np.ix_(free, free)], need.T).T
-    return a

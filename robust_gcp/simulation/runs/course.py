@@ -92,6 +92,10 @@ class Course:
     restitution: float | None = None
     keep: Keep = ALL
 
+    def __post_init__(self) -> None:
+        if self.drives is not None:
+            self.acted = replace(self.acted, drive=self.drives.names, motions=self.drives.motions)
+
     def run(
         self,
         start: Given,
@@ -185,15 +189,8 @@ class Course:
             kind = SteppedRun if isinstance(motion.torque, HeldTorque) else FixedRun
             run = kind(self.tableau.step if isinstance(self.tableau, Tableau) else rk4_step, native, *parts)
             run.guard = self.guard
-        run.acted = self.remembered
+        run.acted = self.acted
         return run
-
-    @property
-    def remembered(self) -> Acted:
-        """What a trajectory remembers of what acted."""
-        if self.drives is None:
-            return self.acted
-        return replace(self.acted, drive=self.drives.names, motions=self.drives.motions)
 
     def gone(self, run: Run, begun: float, mended: bool, go: Callable[[], None]) -> str | None:
         """Take steps; the words of a stop that may be mended, others are raised with the motion."""
