@@ -216,8 +216,7 @@ def balancing_forces(
     allowed: float = UNBALANCED,
 ) -> Array | None:  # fmt: skip
     """The same λ by K's split at q; None where they leave more than this share of the joint forces."""
-    tree = mechanism.tree
-    acting = tree.zero if tau is None else tau
+    tree, acting = mechanism.tree, mechanism.tree.zero if tau is None else tau
     # judged by what cancels in it: at rest under gravity M a + C − τ itself may be rounding
     parts = np.array([tree.rnea(q, v, a).copy(), tree.rnea(q, v, tree.zero), acting])
     need = parts[0] - acting
