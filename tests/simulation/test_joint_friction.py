@@ -8,9 +8,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import block_diag
 from scipy.optimize import linprog
 
 import robust_gcp as rg
+from robust_gcp.simulation.phases.quadratic_programs import LARGEST_MARGIN, Load
 
 from .machines import BACKENDS, orders, require_backend, require_sound, sliders, times_of
 
@@ -233,3 +235,30 @@ def test_friction_at_a_dead_point_of_its_joint(backend: Any) -> None:
     np.testing.assert_allclose(at.q[-1], beside.q[-1], atol=1e-7)
     assert at["friction.q3"][-1] == beside["friction.q3"][-1] == -2.0
     assert at.dissipated[-1] == pytest.approx(beside.dissipated[-1], rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_rows_that_share_a_load_do_so_in_any_units(seed: int) -> None:
+    """The largest margin of dependent rows: that of a linear program, in whatever units each row is told."""
+    rng = np.random.default_rng(seed)
+    groups = [rng.normal(size=(k + int(rng.integers(0, 3)), k)) for k in (1, 1, int(rng.integers(1, 3)))]
+    A = block_diag(*groups) @ rng.normal(size=(sum(len(g.T) for g in groups),) * 2)
+    (n, m), kinds = A.shape, rng.integers(0, 5, len(A))  # dry, dry, stop, stop, lock
+    F, pushes = np.where(kinds < 2, 10.0 ** rng.uniform(-1.0, 1.0, n), np.inf), (kinds == 2) | (kinds == 3)
+    dry = np.isfinite(F)
+    need = A.T @ np.where(pushes, rng.uniform(0.0, 2.0, n), rng.normal(size=n))
+
+    f, margin = Load(A, m, F, pushes)._shared(need)
+    assert np.abs(A.T @ f - need).max() < 1e-7 * np.abs(need).max()
+    most = np.where(dry, F, 1.0 * pushes)
+    limits = [np.c_[np.eye(n), most][dry], np.c_[-np.eye(n), most][dry | pushes]]
+    best = linprog(
+        [0.0] * n + [-1.0], np.vstack(limits), np.r_[F[dry], np.where(pushes, 0.0, F)[dry | pushes]],
+        np.c_[A.T, np.zeros(m)], need, [(None, None)] * n + [(None, LARGEST_MARGIN)],
+    )  # fmt: skip
+    assert margin == pytest.approx(best.x[-1], rel=1e-6, abs=1e-6)
+    if not pushes.any():  # whose margin is a force
+        own = 10.0 ** rng.uniform(-3.0, 3.0, n)
+        assert Load(A * own[:, None], m, F / own, pushes).margin(need) == pytest.approx(margin, abs=1e-6)
+    held = np.where(dry, 1.0 - np.abs(f) / F, np.where(pushes, f, np.inf))
+    assert held.min() >= min(margin, 0.0) - 1e-6

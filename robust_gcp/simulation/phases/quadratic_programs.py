@@ -110,16 +110,10 @@ class Load:
         """f (n,), and its margin, ≥ 0 where what is held stays so: a share of bounds, or N m of a push."""
         weight = np.where(self._dry, self._bounds, 1.0)
         f = weight * np.linalg.lstsq(self._A.T * weight, need, rcond=RANK)[0]  # alike in shares of bounds
-        margin = self._margin(f)
-        if margin >= 0.0 or len(f) <= self._rank:
-            return f, margin
-        locks = ~(self._dry | self._pushes)
-        if locks.any() and not self._pushes.any():  # where they can hold it all no other margin is larger
-            f = np.zeros(len(f))
-            f[locks], _, rank, _ = np.linalg.lstsq(self._A[locks].T, need, rcond=RANK)
-            if rank == self._rank:
-                return f, self._margin(f)
-        return self._shared(need)
+        shares = 1.0 - np.abs(f) / np.where(self._dry, self._bounds, 1.0)
+        limits = np.where(self._pushes, f, np.where(self._dry, shares, np.inf))
+        margin = float(limits.min(initial=np.inf))
+        return (f, margin) if margin >= 0.0 or len(f) <= self._rank else self._shared(need)
 
     def margin(self, need: Array) -> float:
         """The best margin, continuous in `need`."""
@@ -127,24 +121,74 @@ class Load:
             return self.forces(need)[1]
         return self._shared(need)[1]
 
-    def _margin(self, f: Array) -> float:
-        shares = 1.0 - np.abs(f) / np.where(self._dry, self._bounds, 1.0)
-        limits = np.where(self._pushes, f, np.where(self._dry, shares, np.inf))
-        return float(limits.min(initial=np.inf))
-
     def _shared(self, need: Array) -> tuple[Array, float]:
-        """Dependent rows share the load as they can: the largest margin, a linear program."""
-        n, dry, push, F = len(self._A), self._dry, self._pushes, self._bounds
-        slack = np.where(dry, F, np.where(push, 1.0, 0.0))[:, None]
-        one_sided = dry | push
-        above = np.hstack([np.eye(n), slack])[dry], F[dry]
-        below = np.hstack([-np.eye(n), slack])[one_sided], np.where(push, 0.0, F)[one_sided]
-        # the range of Aᵀ: need is in it but for errors
-        Q = qr(self._A.T, pivoting=True)[0][:, : self._rank].T
-        equal = np.hstack([Q @ self._A.T, np.zeros((self._rank, 1))])
-        limits = np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]])
-        free = [(None, None)] * n + [(None, LARGEST_MARGIN)]
-        found = linprog(np.append(np.zeros(n), -1.0), *limits, equal, Q @ need, bounds=free)
-        if found.x is None:
-            raise SimulationError(f"the forces of what is held are not found: {found.message}")
-        return found.x[:-1], float(found.x[-1])
+        """Rows that depend on each other share the load for the largest margin, each group by itself."""
+        f, margin, size = np.zeros(len(self._A)), LARGEST_MARGIN, np.linalg.norm(self._A, axis=1)
+        unit = self._A / np.where(size > 0.0, size, 1.0)[:, None]
+        Q, R, order = qr(unit.T, mode="economic", pivoting=True)
+        rank = self._rank
+        # in independent rows as coordinates those of a joint in no loop have nothing to do with others
+        C = np.empty((len(unit), rank))
+        C[order] = np.linalg.solve(R[:rank, :rank], R[:rank]).T
+        load = np.linalg.solve(R[:rank, :rank], Q[:, :rank].T @ need)
+        C *= size[:, None]
+        tied = np.abs(C) > DEPENDENT * size[:, None]
+        together = np.linalg.matrix_power(tied.T @ tied, rank)
+        for k in range(rank):
+            if not together[k, :k].any():  # the first of its group
+                axes = np.flatnonzero(together[k])
+                own = np.flatnonzero(tied[:, axes].any(axis=1))
+                given = load[axes], self._bounds[own], self._pushes[own]
+                f[own], most = _carried_by(C[np.ix_(own, axes)], *given)
+                margin = min(margin, most)
+        return f, margin
+
+
+def _carried_by(A: Array, need: Array, bounds: Array, pushes: Array) -> tuple[Array, float]:
+    """f with Aᵀ f = need, of the largest margin s: |f| ≤ (1 − s) F of dry friction, f ≥ s of stops."""
+    dry = np.isfinite(bounds) & (bounds > 0.0)  # what has no friction at all does not limit s
+    locks, most = np.isinf(bounds) & np.logical_not(pushes), 1.0 if dry.any() else LARGEST_MARGIN
+    f = np.zeros(len(A))
+    if locks.any():  # where these can hold it all the others need do nothing
+        f[locks], _, rank, _ = np.linalg.lstsq(A[locks].T, need, rcond=RANK)
+        if rank == A.shape[1]:
+            return f, most
+        f[locks] = 0.0
+    if A.shape[1] > 1:
+        return _by_program(A, need, bounds, pushes)
+    a, load = A[:, 0], float(need[0])
+    way = np.sign(a[pushes])
+    if np.any(way > 0.0) and np.any(way < 0.0):  # stops on both sides
+        chosen = np.logical_and(pushes, a * load > 0.0)
+        f[chosen] = load / a[chosen].sum()
+        return f, most
+    D, P = float(np.abs(a[dry]) @ bounds[dry]), float(np.abs(a[pushes]).sum())
+    if not len(way):
+        s = 1.0 - abs(load) / D
+        f[dry] = np.sign(a[dry] * load) * bounds[dry] * (1.0 - s)
+        return f, s
+    # stops can take as much as one likes; friction helps where the load would lift off them
+    s = min(most, (load * way[0] + D) / (D + P))
+    f[dry] = -np.sign(a[dry]) * way[0] * bounds[dry] * (1.0 - s)
+    f[pushes] = (load - float(a[dry] @ f[dry])) / a[pushes].sum()
+    return f, s
+
+
+def _by_program(A: Array, need: Array, bounds: Array, pushes: Array) -> tuple[Array, float]:
+    """The same of any such rows, by a linear program."""
+    n, m = A.shape
+    # shares of the load by rows of length 1: the solver's tolerance of 1e-7 is of no unit
+    unit = (np.abs(need).max() or 1.0) / np.linalg.norm(A, axis=1)
+    dry = np.isfinite(bounds)
+    F = bounds / unit
+    slack = np.where(dry, F, np.where(pushes, 1.0 / unit, 0.0))[:, None]
+    one_sided = dry | pushes
+    above = np.hstack([np.eye(n), slack])[dry], F[dry]
+    below = np.hstack([-np.eye(n), slack])[one_sided], np.where(pushes, 0.0, F)[one_sided]
+    equal = np.hstack([(A * unit[:, None]).T, np.zeros((m, 1))])
+    limits = np.vstack([above[0], below[0]]), np.concatenate([above[1], below[1]])
+    free = [(None, None)] * n + [(None, LARGEST_MARGIN)]
+    found = linprog(np.append(np.zeros(n), -1.0), *limits, equal, need, bounds=free)
+    if found.x is None:
+        raise SimulationError(f"the forces of what is held are not found: {found.message}")
+    return unit * found.x[:-1], float(found.x[-1])
