@@ -153,7 +153,7 @@ def _require_as_built(path: Path) -> None:
 
 def backends() -> dict[str, Backend]:
     """The backends of `simulate`: what is there, and why not."""
-    library, reason = _look()
+    library, reason = look()
     return {
         "python": Backend(True, "the reference, always there"),
         "native": Backend(library is not None, reason),
@@ -162,7 +162,7 @@ def backends() -> dict[str, Backend]:
 
 def library() -> Library | None:
     """The compiled kernel, or None; warns once where it should be there and is not."""
-    found, reason = _look()
+    found, reason = look()
     if found is None and _broken():
         _warn(reason)
     return found
@@ -179,11 +179,12 @@ def kernel_file() -> Path:
     wanted = os.environ.get(SWITCH, "")
     path = _installed(NAME) if wanted in ("", "1") else Path(wanted)
     if library() is None:
-        raise ModelError(f"there is no compiled kernel, which is the C library: {_look()[1]}")
+        raise ModelError(f"there is no compiled kernel, which is the C library: {look()[1]}")
     return path
 
 
-def _look() -> tuple[Library | None, str]:
+def look() -> tuple[Library | None, str]:
+    """The compiled kernel, and where it is or why there is none."""
     wanted = os.environ.get(SWITCH, "")
     if wanted == "0":
         return None, f"switched off by {SWITCH}=0"

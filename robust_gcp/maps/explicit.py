@@ -59,7 +59,7 @@ class Point:
     origin: Array | None = None
 
 
-@dataclass(slots=True)
+@dataclass
 class Counters:
     """What was computed, for `Trajectory.stats`."""
 

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from ..analysis.local import analyse
 from ..checks import real_array, shown
 from ..errors import NonFiniteError, OptionError, PartitionError, StateError
+from ..mechanism.constraint.closed_check import require_proper
 from ..mechanism.constraint.rank import motions
 from ..mechanism.coordinates.independent import regular_near
 from ..mechanism.coordinates.partition import numerical_rank, spelled
@@ -52,7 +53,7 @@ def checked_state(mechanism: Mechanism, q0: ArrayLike, v0: ArrayLike | None) -> 
     """
     q = mechanism.configuration(q0, "q0")
     mechanism.require_closed(q, NEARLY_CLOSED, "the configuration")
-    mechanism.require_proper(q)
+    require_proper(mechanism, q)
     q = mechanism.polish(q, mechanism.iv_dependent)
     v = mechanism.tree.zero if v0 is None else mechanism.velocity(v0, "v0")
     require_finite_energy(mechanism, v)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from ..checks import checked_rows, checked_vector, require_finite
 from ..errors import ModelError, StateError
-from .constraint.closed_check import require_closed, require_proper
+from .constraint.closed_check import require_closed
 from .constraint.closures import closure_frames
 from .constraint.constraint import without_zero_rows
 from .constraint.couplings import AnyClosure, CouplingClosure, Couplings, closures_given
@@ -238,10 +238,6 @@ class ClosedLoops:
         """Raise ClosureError when max |φ| / length exceeds `tolerance`."""
         if self.nc:
             require_closed(self, q, tolerance, what)
-
-    def require_proper(self, q: Array) -> None:
-        """Refuse the false zeros of the rotation rows: frames or axes turned by π to each other."""
-        require_proper(self, q)
 
     @property
     def joints(self) -> tuple[Joint, ...]:

@@ -46,7 +46,7 @@ ABSTRACT = ("Force",)
 """Nobody makes one: Python itself says what a class derived from it lacks."""
 
 INNER = (
-    *("scaled", "select_rows", "close_loops", "polish", "require_closed", "require_proper"),
+    *("scaled", "select_rows", "close_loops", "polish", "require_closed"),
     *(
         "generic_configurations",
         "state",

@@ -162,7 +162,7 @@ def test_the_slopes_that_the_step_is_judged_by(name: str) -> None:
     """The differences in the kernel are those in Python, and leave the motion that follows as it is."""
     mech, v0 = of_many_kinds()[name]
     motion, native = begun_in_the_kernel(mech, v0, np.full(mech.nv, 0.2))
-    n, near = 2 * mech.m, native.rates_at_start(motion)
+    n, near = 2 * mech.m, native.rates(motion, motion.first, motion.x, None)
     assert near is not None
     found, again = near.slopes(), near.slopes()
     assert found is not None and again is not None

@@ -19,6 +19,7 @@ from ...maps.regular_path import RegularPath
 from ...maps.start import Start
 from ...maps.start_check import apart
 from ...mechanism.building.variable_geometry import still_inputs
+from ...mechanism.constraint.closed_check import require_proper
 from ...mechanism.constraint.rows import ROTATION, rows_of
 from ...mechanism.coordinates.clusters import LoopCluster
 from ...mechanism.mechanism import Mechanism
@@ -189,7 +190,7 @@ class StateDerivatives:
         for i in np.flatnonzero(good):
             try:
                 if self._turns:
-                    mechanism.require_proper(q[i])
+                    require_proper(mechanism, q[i])
             except ClosureError:
                 good[i] = False
             if self._left_over:

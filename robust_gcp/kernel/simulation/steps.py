@@ -21,7 +21,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..description import follows_zones
-from ..library import Library, backends, library
+from ..library import Library, library, look
 from ..loop_arrays import NotNativeError
 from .batch import Batch, Looked, Outputs, Within
 from .guard import ErrorControl, Guard, Watch
@@ -50,12 +50,9 @@ def chosen_library(backend: str, method: str, newton_start: str) -> Library | No
         why = f'it knows the methods "bridge" and "classical", not {method!r}'
     elif method == "classical" and newton_start != "tangent":
         why = f'with method="classical" it knows newton_start="tangent", not {newton_start!r}'
-    found = library() if why is None and backend == "auto" else None
     if backend == "auto":
-        return found
-    if why is None:
-        state = backends()["native"]
-        found, why = (library(), "") if state.available else (None, state.reason)
+        return library() if why is None else None
+    found, why = look() if why is None else (None, why)
     if found is None:
         raise OptionError(f'backend="native": {why}; use backend="auto" or "python"')
     return found
@@ -217,10 +214,6 @@ class NativeSteps:
             return None
         options, zone = limits_of(motion.choice)
         return workspace.rates(now, x, zone, options, watch, trackers)
-
-    def rates_at_start(self, motion: Problem) -> Rates | None:
-        """ẋ about a start that the kernel has evaluated; None where it cannot."""
-        return None if motion.first is None else self.rates(motion, motion.first, motion.x, None)
 
     def _at(self, motion: Problem) -> tuple[Workspace | None, Callable[[], Array] | None]:
         """The workspace where a motion is, None where the kernel cannot go on; and trackers in a zone."""

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ...errors import ClosureError
+from ..constraint.closed_check import require_proper
 from ..constraint.separation import Separation
 from ..coordinates.loop_graph import loop_groups
 from ..loops import ClosedLoops
@@ -174,7 +175,7 @@ def _descended(
 
 def _aligned(loops: ClosedLoops, q: Array) -> bool:
     try:
-        loops.require_proper(q)
+        require_proper(loops, q)
     except ClosureError:
         return False
     return True

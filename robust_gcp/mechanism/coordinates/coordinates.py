@@ -28,8 +28,8 @@ INTERNAL = frozenset(
         "generic_configurations", "generic_jacobians", "group_joints", "implicit", "iq_independent",
         "iq_numbers", "iv_dependent", "iv_independent", "joint_at", "joint_inertia", "judged_at", "lifted",
         "loops", "memo", "near", "numbers", "of_loops", "own_model", "polish", "require_closed",
-        "require_proper", "require_unchanged", "row_scale", "scaled", "select_rows", "standpoint", "tree",
-        "units", "velocities_named", "velocities_of", "velocity_slice", "y_about",
+        "require_unchanged", "row_scale", "scaled", "select_rows", "standpoint", "tree", "units",
+        "velocities_named", "velocities_of", "velocity_slice", "y_about",
     }
 )  # fmt: skip
 """What the other rooms ask a mechanism for, and nobody who writes its name and a dot is shown."""

@@ -130,9 +130,12 @@ class Coordinates:
         """Clusters that move less evenly than was found to be good, and how evenly."""
         if not self._even:
             return []
-        v = point.G.dot(point.ydot)
-        found = [(part, _unevenness(part, point, v)) for part in self._parts]
-        return [(part, eta) for part, eta in found if self.watch.uneven[part.inputs[0]] < eta < np.inf]
+        found, v = list[tuple[_Part, float]](), point.G.dot(point.ydot)
+        for part in self._parts:
+            eta = _unevenness(part, point, v)
+            if self.watch.uneven[part.inputs[0]] < eta < np.inf:
+                found.append((part, eta))
+        return found
 
     def _changed(self, point: Point, share: float) -> tuple[str, ...] | None:
         """With other components where their quality is below a share of the best, or they are uneven."""

@@ -23,6 +23,7 @@ from ...maps.grouped_start import start_on_groups
 from ...maps.regular_path import RegularPath
 from ...maps.start import Start
 from ...maps.start_check import require_finite_energy
+from ...mechanism.constraint.closed_check import require_proper
 from ...mechanism.coordinates.groups import groups_of
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tolerances import COMPATIBLE, NEARLY_CLOSED
@@ -108,7 +109,7 @@ def closed_by_kernel(
     None where it is not on regular ground (K_d conditioned to `zone`, or with `options` to 1e-4), or is no
     such start. Without a velocity what is not prescribed rests.
     """
-    mechanism.require_proper(q)
+    require_proper(mechanism, q)
     u = np.zeros(mechanism.m) if v is None else v[mechanism.iv_independent]
     # The kernel closes the loops from q: how far that moves it, and v, tells whether the start was one.
     begun = workspace.begin(q, u, zone, t, options)

@@ -56,6 +56,8 @@ class Record:
     last_state : ndarray
         The state there.
     work : ndarray or None
+    wanted : tuple of str
+        Which of `Outputs` besides q and v a batch is to bring.
     """
 
     def __init__(
@@ -74,6 +76,10 @@ class Record:
         self._driven = None if motion.drive is None else mechanism.iv_independent[motion.drive.driven]
         # NaN: no drive, which is not a drive that takes no effort
         self._drive = None if self._driven is None else np.full((n, mechanism.nv), np.nan)
+        kept = self._a, self._energy, self._tau, self.work, self._drive
+        named = zip(("a", "energy", "tau", "work", "effort"), kept, strict=True)
+        names = [name for name, values in named if values is not None]
+        self.wanted = tuple(names) if self._multipliers is None else (*names, "a", "tau")
         self._crossings: list[Crossing] = []
         self._warned = self._spun = False  # told once a run: a crank passes the place each turn
         self.keeps, self._gone, self._kept = keep, 0, dict[str, list[Array]]()
@@ -111,15 +117,6 @@ class Record:
         self._t, self.count = np.append(self._t[:before], t), before
         self.keep(before, now, x)
         self._crossings = [c for c in self._crossings if c.time <= t]
-
-    @property
-    def wanted(self) -> tuple[str, ...]:
-        """Which of `Outputs` besides q and v a batch is to bring."""
-        kept = {"a": self._a, "energy": self._energy, "tau": self._tau, "work": self.work}
-        names = [name for name, values in kept.items() if values is not None]
-        if self._drive is not None:
-            names.append("effort")
-        return (*names, "a", "tau") if self._multipliers is not None else tuple(names)
 
     @property
     def rows(self) -> Outputs | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import fields
 
 import numpy as np
 
@@ -16,7 +15,7 @@ from ...dynamics.problem import Problem, initial_value_problem
 from ...errors import CuspError, SimulationError
 from ...maps.classical import SingularityWarning
 from ...maps.cluster.cluster_map import ClusterMap
-from ...maps.explicit import Counters, Point
+from ...maps.explicit import Point
 from ...maps.start import Start
 from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
@@ -32,8 +31,6 @@ from .schedule import ALL, Keep, Schedule
 from .solver_rates import Following
 from .stats import Stats, Stretches
 from .within_steps import DenseStep, FixedStep
-
-COUNTED = tuple(field.name for field in fields(Counters))
 
 TOLD = 3e-9
 """Relative error of G by rounding that a warning tells."""
@@ -277,7 +274,7 @@ class Run:
         if self._lost[0] > 0.0:
             self._tell_what_is_lost()
         stats = Stats(
-            **{name: getattr(self._counters, name) for name in COUNTED},  # `asdict` takes ten times as long
+            **vars(self._counters),
             repartitions=self._repartitions,
             refined=self._stretches,
             wall_seconds=time.perf_counter() - begun,

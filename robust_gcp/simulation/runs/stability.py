@@ -160,7 +160,8 @@ class StabilityCheck:
         return Problem(start.afresh(), torque, choice)
 
     def _limiting(self, native: NativeSteps | None, motion: Problem) -> complex | None:
-        rates = None if native is None else native.rates_at_start(motion)
+        first = motion.first  # where the kernel has evaluated the start
+        rates = None if native is None or first is None else native.rates(motion, first, motion.x, None)
         if rates is None:  # the kernel goes back to the start by itself; a map in Python has to be another
             motion = self._beside(motion.start, self.torque)
         if motion.mechanism.m > MANY:

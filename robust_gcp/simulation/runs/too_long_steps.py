@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import repeat
+
 import numpy as np
 
 from ...mechanism.mechanism import Mechanism, energies_of
@@ -86,10 +88,10 @@ class Coarse:
         last = len(run.t) - 1
         if self._leaked or last < 1:
             return None
-        rows = [*range(last + 1)] if last < LOOKS else [last * i // (LOOKS - 1) for i in range(LOOKS)]
+        rows = np.arange(last + 1) if last < LOOKS else last * np.arange(LOOKS) // (LOOKS - 1)
         mechanism = run.mechanism
         # plain floats: arrays of so few cost more than the energies themselves
-        moving, resting = zip(*[energies_of(mechanism, run.q[i], run.v[i]) for i in rows], strict=True)
+        moving, resting = zip(*map(energies_of, repeat(mechanism), run.q[rows], run.v[rows]), strict=True)
         done = run.work_left
         work = [0.0] * len(rows) if done is None else done[rows].tolist()
         total = [k + u - w for k, u, w in zip(moving, resting, work, strict=True)]
