@@ -52,8 +52,8 @@ def described(mechanism: Mechanism, charts: Sequence[Sequence[str]] = ()) -> byt
 
 
 def identifier(text: str) -> str:
-    """A name in C that is like the text."""
-    name = re.sub(r"\W", "_", text)
+    """A name in C that is like the text; compilers and units take no letters beyond ASCII for granted."""
+    name = re.sub(r"\W", "_", text, flags=re.ASCII)
     return name if name[:1].isalpha() else f"m{name}"
 
 

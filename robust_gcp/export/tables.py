@@ -7,14 +7,16 @@ Where y turns back the number is the mode's arc length s, and τ is multiplied b
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 import numpy as np
 from numpy.polynomial import polynomial
 from numpy.typing import NDArray
 
+from ..checks import shown
 from ..dynamics.prescribed.motion import Motion
-from ..errors import ModelError, RobustGcpError
+from ..errors import ModelError, OptionError, RobustGcpError
 from ..mechanism.assembly.assemblies import way_between
 from ..mechanism.mechanism import Mechanism
 from ..mechanism.tree.tree import Array
@@ -47,9 +49,13 @@ def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
     if mechanism.m != 1 or len(mechanism.numbers) != 1:
         told = f"{called} has y = {', '.join(mechanism.independent)}"
         raise ModelError(f"export: tables are of one coordinate that is a joint's of one freedom; {told}")
+    if re.search(r'["\\\n]', stem):
+        raise OptionError(f"export: {shown(stem)} cannot be included in C; give a name without quotes, backslashes, line ends")
     name = identifier(stem)
-    fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "CALLED": called}
-    fill |= {"FILE": stem, "JOINT": mechanism.independent[0], "HOME": repr(_home(mechanism))}
+    fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "FILE": stem}
+    fill |= {"HOME": repr(_home(mechanism))}
+    # in a comment, which a name must not end
+    fill |= {"CALLED": called.replace("*", "_"), "JOINT": mechanism.independent[0].replace("*", "_")}
     found = _along(mechanism)
     if found is None:
         period, samples, more = _by_arc(mechanism)

@@ -120,3 +120,17 @@ def test_a_third_version(tmp_path: Path) -> None:
         unit.fmu.getInt64([0])
     with pytest.raises(rg.OptionError, match="fmi = 4"):
         mech.export(tmp_path / "rhombus.fmu", fmi=4)
+
+
+@VERSIONS
+def test_after_a_reset_it_begins_anew(version: int, tmp_path: Path) -> None:
+    """The unit is as it was made: no step from where it was, and no start of the experiment before."""
+    mech = rg.load("rhombus")
+    unit = Unit(mech.export(tmp_path / "rhombus.fmu", fmi=version), tmp_path / "unit", version)
+    unit.fmu.doStep(0.0, 0.1)
+    unit.fmu.reset()
+    with pytest.raises(Exception, match="status 3"):
+        unit.fmu.doStep(0.0, 0.1)
+    unit.fmu.enterInitializationMode()
+    unit.fmu.exitInitializationMode()
+    np.testing.assert_array_equal(unit.get(["q.q1", "q.q2", "q.q3"]), mech.home)

@@ -142,3 +142,15 @@ def test_a_file_that_was_there_stays_whole_until_the_new_one_is(tmp_path: Path) 
     assert sorted(file.name for file in tmp_path.iterdir()) == ["kept", "robot.rgcp"]
     with pytest.raises(rg.ModelError, match="cannot be written"):
         rg.load("five_bar").export(tmp_path / "none" / "robot.rgcp")
+
+
+@needs_compiler
+def test_names_that_c_does_not_take(tmp_path: Path) -> None:
+    """What ends a comment, and letters beyond ASCII, which are in no name of portable C."""
+    plain = rg.load("crank_rocker")
+    mech = rg.Mechanism(plain.model, plain.closures, plain.independent, plain.home, "a*/b")
+    _compiled(mech, tmp_path)
+    mech.export(tmp_path / "mühle.c")
+    assert "double m_hle_acceleration(" in (tmp_path / "mühle.h").read_text(encoding="utf-8")
+    with pytest.raises(rg.OptionError, match="cannot be included in C"):
+        mech.export(tmp_path / 'a"b.c')

@@ -61,11 +61,15 @@ class Unit {
     int begin(double start) {
         return rgcp_begin(motion_, nullptr, nullptr, start) == RGCP_OK ? OK : fail(ERROR, rgcp_why(motion_));
     }
+    // As it was made: the motion has to begin again, where `start` says anew.
     int reset() {
         std::fill(tau_.begin(), tau_.end(), 0.0);
         std::fill(control_.begin(), control_.end(), 0.0);
-        controlled_ = false;
-        return OK;
+        controlled_ = false, start = 0.0;
+        rgcp_free(motion_);
+        char why[300] = "";
+        motion_ = rgcp_new(mechanism_, why, sizeof why);
+        return motion_ != nullptr ? OK : fail(FATAL, why);
     }
     double start = 0.0;  // where the experiment begins, which FMI 2.0 tells before the motion does
     double time() const { return rgcp_time(motion_); }
