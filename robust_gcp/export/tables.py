@@ -50,7 +50,7 @@ def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
         told = f"{called} has y = {', '.join(mechanism.independent)}"
         raise ModelError(f"export: tables are of one coordinate that is a joint's of one freedom; {told}")
     if re.search(r'["\\\n]', stem):
-        raise OptionError(f"export: {shown(stem)} cannot be included in C; give a name without quotes, backslashes, line ends")
+        raise OptionError(f"export: {shown(stem)} cannot be included in C; give a name without quotes")
     name = identifier(stem)
     fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "FILE": stem}
     fill |= {"HOME": repr(_home(mechanism))}

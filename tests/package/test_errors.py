@@ -20,6 +20,8 @@ import pytest
 
 import robust_gcp as rg
 
+from .refused import refused
+
 WAYS: dict[str, Callable[[Any], Any]] = {
     **{f"pickle {i}": lambda e, i=i: pickle.loads(pickle.dumps(e, i)) for i in range(2, 6)},
     "copy": copy.copy,
@@ -140,12 +142,6 @@ def test_what_had_been_simulated_travels_with_the_error() -> None:
         np.testing.assert_array_equal(twin.y, caught.value.y)
         assert twin.choices == caught.value.choices == [("q2",), ("q3",)]
     assert copy.deepcopy(caught.value).trajectory.q is not caught.value.trajectory.q
-
-
-def refused(deep: bool) -> None:
-    if deep:
-        rg.simulate(rg.load("kite"), duration=1.0, step=5e-3, on_toggle="error")
-    rg.simulate(rg.load("rhombus"), q0=[0.0, 0.5, 0.0], duration=1e-3)
 
 
 def test_a_process_pool_hands_errors_over(monkeypatch: pytest.MonkeyPatch) -> None:
