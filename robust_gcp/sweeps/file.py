@@ -10,6 +10,7 @@ import hashlib
 import importlib
 import json
 import os
+import pickle
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
@@ -19,8 +20,11 @@ from types import TracebackType
 from typing import IO, Any
 
 from ..checks import path_given, shown
-from ..errors import OptionError, SweepError
+from ..errors import OptionError, RobustGcpError, SweepError
+from ..io.loader import load
+from ..mechanism.mechanism import Mechanism
 from .record import Failure, RunRecord, key, plain, text_of
+from .worker import Build
 
 FAR = 2**30
 """Byte that is locked on Windows: others may go on reading what lies before it."""
@@ -52,6 +56,25 @@ UNCHECKED = "robust_gcp sweep 1"
 
 LONGEST_HEADER = 1_000_000
 """Bytes within which the first line ends; more of a file that is none of a sweep is not read."""
+
+
+def identity_of(build: Build) -> Any:
+    """What is written to the file for `build`: a mechanism by its name and a digest of all it is made of.
+
+    So is a model on this disk, which may be edited before the sweep goes on; where it does not load, the runs
+    say why.
+    """
+    name, made = str(build), build
+    if isinstance(build, Mechanism):
+        name = build.name
+    elif isinstance(build, str | Path):
+        with suppress(RobustGcpError, OSError, ValueError):  # a name, or what no file can be called
+            made = load(build) if Path(build).exists() else build
+    if not isinstance(made, Mechanism):
+        return build
+    # which words are one object in memory, a first pickle tells too
+    own = pickle.dumps(pickle.loads(pickle.dumps(made)))
+    return f"{name} {hashlib.sha256(own).hexdigest()[:16]}"
 
 
 class SweepFile:

@@ -9,15 +9,13 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from hashlib import sha256
 from pathlib import Path
-from pickle import dumps, loads
 from typing import Any
 
 from ..checks import check_callable, check_number, listed, shown
 from ..errors import OptionError
 from ..mechanism.mechanism import Mechanism
-from .file import SweepFile
+from .file import SweepFile, identity_of
 from .pool import Task, here, on_executor, on_processes, on_threads
 from .record import Records, RunRecord, key
 from .worker import OPTIONS, Build, Keep, Outcome, runs_natively
@@ -199,7 +197,7 @@ class _Asked:
             one_more = stack.enter_context(_counting(self.progress, len(self.runs)))
             kept = None
             if self.file is not None:
-                identity = {"build": _identity(self.build), "keep": self.keep}
+                identity = {"build": identity_of(self.build), "keep": self.keep}
                 kept = stack.enter_context(SweepFile(self.file, identity))
             tasks: list[Task] = []
             for i, run in enumerate(self.runs):
@@ -265,14 +263,6 @@ def _names(runs: list[dict[str, Any]]) -> list[tuple[str, int]]:
         names.append((text, seen[text]))
         seen[text] += 1
     return names
-
-
-def _identity(build: Build) -> Any:
-    """What is written to the file for `build`: a mechanism by its name and a digest of all it is made of."""
-    if isinstance(build, Mechanism):
-        own = dumps(loads(dumps(build)))  # which words are one object in memory, a first pickle tells too
-        return f"{build.name} {sha256(own).hexdigest()[:16]}"
-    return build
 
 
 @contextmanager

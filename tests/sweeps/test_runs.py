@@ -8,6 +8,7 @@ import json
 import multiprocessing
 import os
 import pickle
+import shutil
 import signal
 import subprocess
 import sys
@@ -25,6 +26,7 @@ import pytest
 
 import robust_gcp as rg
 from robust_gcp.examples import linkages
+from robust_gcp.io.loader import models_folder
 from robust_gcp.sweeps.worker import runs_natively
 
 from ..compiled import needs_kernel
@@ -471,6 +473,20 @@ def test_mechanisms_that_differ_are_other_sweeps(tmp_path: Path) -> None:
     assert rg.sweep(rg.load("rhombus"), [{}], workers=0, file=path, **SHORT)[0].resumed
     with pytest.raises(rg.OptionError, match="another sweep: its build is 'rhombus "):
         rg.sweep(rg.load("rhombus", independent=["q3"]), [{}], workers=0, file=path, **SHORT)
+
+
+def test_a_model_that_was_edited_is_another_sweep(tmp_path: Path) -> None:
+    """It went on with what the model had been, without a word."""
+    model, path = tmp_path / "own", tmp_path / "runs.jsonl"
+    shutil.copytree(models_folder() / "crank_rocker", model)
+    rg.sweep(model, [{}], workers=0, file=path, **SHORT)
+    assert rg.sweep(str(model), [{}], workers=0, file=path, **SHORT)[0].resumed
+    urdf = model / "robot.urdf"
+    edited = urdf.read_text().replace('mass value="', 'mass value="1')
+    assert edited != urdf.read_text()
+    urdf.write_text(edited)
+    with pytest.raises(rg.OptionError, match=r"another sweep: its build is '.*own "):
+        rg.sweep(model, [{}], workers=0, file=path, **SHORT)
 
 
 @pytest.mark.parametrize("text", ["t,q1,q2\n0,1,2\n", "notes", '{"format": "other"}\n', "\n"])
