@@ -237,6 +237,32 @@ def test_friction_at_a_dead_point_of_its_joint(backend: Any) -> None:
     assert at.dissipated[-1] == pytest.approx(beside.dissipated[-1], rel=1e-6)
 
 
+def test_rows_that_carry_nothing_are_no_hindrance() -> None:
+    """Rows at their dead points, which are 0; friction that nothing presses, where rounding is no load."""
+    dead, dry = np.zeros((3, 2)), np.ones(3)
+    one = dead + np.eye(3)[:, 2:] * [1.0, 0.0]
+    assert Load(one, 2, dry, dry < 0.0).margin(np.array([0.3, 0.0])) == pytest.approx(0.7)
+    assert Load(dead, 2, dry, dry < 0.0).margin(np.zeros(2)) > 0.0
+    for push in (False, True):
+        pressed = np.array([np.inf if push else 0.0, 0.0])
+        rows = Load(np.array([[1.0], [2.0]]), 1, pressed, np.array([push, False]))
+        assert all(rows.margin(np.array([load])) >= 0.0 for load in (0.0, 1e-17, -1e-17))
+        assert rows.margin(np.array([-1.0])) < 0.0
+
+
+def test_bearings_that_nothing_presses_give_way_at_once(backend: Any) -> None:
+    """Without weight friction that is a share of reactions holds nothing, of joints that share a load too."""
+    rhombus = rg.load("rhombus")
+    model = rhombus.own_model.copy()
+    model.gravity.linear = np.zeros(3)
+    light = rg.Mechanism.from_pinocchio(model, rhombus.closures, ["q1"], rhombus.home)
+    bearings = [rg.JointFriction(name, coefficient=0.2, radius=0.05) for name in light.joint_names]
+    push = {"q1": lambda t, q, v: 1e-3 * t}
+    run = rg.simulate(light, duration=0.02, step=1e-3, torque=push, joints=bearings, backend=backend)
+    assert [x.kind for x in run.happenings] == ["hold", "release"]
+    assert run.happenings[1].time < 1e-6 and run["v.q1"][-1] > 0.0
+
+
 @pytest.mark.parametrize("seed", range(30))
 def test_rows_that_share_a_load_do_so_in_any_units(seed: int) -> None:
     """The largest margin of dependent rows: that of a linear program, in whatever units each row is told."""

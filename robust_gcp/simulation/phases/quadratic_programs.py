@@ -21,6 +21,9 @@ DEPENDENT = 1e-7
 LARGEST_MARGIN = 1e6
 """Of what is held without limit."""
 
+NO_LOAD = 1e-12
+"""N m or N: what rounding leaves of no load; rows hold it whose friction is none as nothing presses them."""
+
 
 def box(B: Array, b: Array, lower: Array, upper: Array, size: float) -> tuple[Array, Array]:
     """f and w = BᵀB f + b with lower ≤ f ≤ upper, w ≥ 0 at lower, w ≤ 0 at upper, w = 0 between.
@@ -125,21 +128,20 @@ class Load:
         """Rows that depend on each other share the load for the largest margin, each group by itself."""
         f, margin, size = np.zeros(len(self._A)), LARGEST_MARGIN, np.linalg.norm(self._A, axis=1)
         unit = self._A / np.where(size > 0.0, size, 1.0)[:, None]
-        Q, R, order = qr(unit.T, mode="economic", pivoting=True)
-        rank = self._rank
+        basis = independent_rows(self._A.T)  # fewer than the rank at a dead point, where rows are 0
+        if not basis:
+            return f, margin
         # in independent rows as coordinates those of a joint in no loop have nothing to do with others
-        C = np.empty((len(unit), rank))
-        C[order] = np.linalg.solve(R[:rank, :rank], R[:rank]).T
-        load = np.linalg.solve(R[:rank, :rank], Q[:, :rank].T @ need)
-        C *= size[:, None]
-        tied = np.abs(C) > DEPENDENT * size[:, None]
-        together = np.linalg.matrix_power(tied.T @ tied, rank)
-        for k in range(rank):
+        C, load = np.split(np.linalg.lstsq(unit[basis].T, np.c_[unit.T, need], rcond=RANK)[0], [-1], axis=1)
+        load[np.abs(load) <= NO_LOAD] = 0.0
+        tied = np.abs(C.T) > DEPENDENT
+        together = np.linalg.matrix_power(tied.T @ tied, len(basis))
+        for k in range(len(basis)):
             if not together[k, :k].any():  # the first of its group
                 axes = np.flatnonzero(together[k])
                 own = np.flatnonzero(tied[:, axes].any(axis=1))
-                given = load[axes], self._bounds[own], self._pushes[own]
-                f[own], most = _carried_by(C[np.ix_(own, axes)], *given)
+                A = C[np.ix_(axes, own)].T * size[own, None]
+                f[own], most = _carried_by(A, load[axes, 0], self._bounds[own], self._pushes[own])
                 margin = min(margin, most)
         return f, margin
 
@@ -163,8 +165,10 @@ def _carried_by(A: Array, need: Array, bounds: Array, pushes: Array) -> tuple[Ar
         f[chosen] = load / a[chosen].sum()
         return f, most
     D, P = float(np.abs(a[dry]) @ bounds[dry]), float(np.abs(a[pushes]).sum())
+    if not load and not len(way):
+        return f, most
     if not len(way):
-        s = 1.0 - abs(load) / D
+        s = 1.0 - abs(load) / D if D else -LARGEST_MARGIN
         f[dry] = np.sign(a[dry] * load) * bounds[dry] * (1.0 - s)
         return f, s
     # stops can take as much as one likes; friction helps where the load would lift off them
