@@ -53,9 +53,9 @@ def header_and_code(mechanism: Mechanism, stem: str) -> dict[str, str]:
         raise OptionError(f"export: {shown(stem)} cannot be included in C; give a name without quotes")
     name = identifier(stem)
     fill = {"NAME": name, "UPPER": name.upper(), "DEGREE": str(DEGREE), "FILE": stem}
-    fill |= {"HOME": repr(_home(mechanism))}
-    # in a comment, which a name must not end
+    # a name in a comment must not end it
     fill |= {"CALLED": called.replace("*", "_"), "JOINT": mechanism.independent[0].replace("*", "_")}
+    fill["HOME"] = repr(_home(mechanism))
     found = _along(mechanism)
     if found is None:
         period, samples, more = _by_arc(mechanism)

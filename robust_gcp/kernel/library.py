@@ -153,7 +153,7 @@ def _require_as_built(path: Path) -> None:
 
 def backends() -> dict[str, Backend]:
     """The backends of `simulate`: what is there, and why not."""
-    library, reason = look()
+    library, reason = kernel_or_reason()
     return {
         "python": Backend(True, "the reference, always there"),
         "native": Backend(library is not None, reason),
@@ -162,7 +162,7 @@ def backends() -> dict[str, Backend]:
 
 def library() -> Library | None:
     """The compiled kernel, or None; warns once where it should be there and is not."""
-    found, reason = look()
+    found, reason = kernel_or_reason()
     if found is None and _broken():
         _warn(reason)
     return found
@@ -179,11 +179,11 @@ def kernel_file() -> Path:
     wanted = os.environ.get(SWITCH, "")
     path = _installed(NAME) if wanted in ("", "1") else Path(wanted)
     if library() is None:
-        raise ModelError(f"there is no compiled kernel, which is the C library: {look()[1]}")
+        raise ModelError(f"there is no compiled kernel, which is the C library: {kernel_or_reason()[1]}")
     return path
 
 
-def look() -> tuple[Library | None, str]:
+def kernel_or_reason() -> tuple[Library | None, str]:
     """The compiled kernel, and where it is or why there is none."""
     wanted = os.environ.get(SWITCH, "")
     if wanted == "0":

@@ -11,6 +11,7 @@ import importlib
 import json
 import os
 import pickle
+import warnings
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import asdict
@@ -68,7 +69,9 @@ def identity_of(build: Build) -> Any:
     if isinstance(build, Mechanism):
         name = build.name
     elif isinstance(build, str | Path):
-        with suppress(RobustGcpError, OSError, ValueError):  # a name, or what no file can be called
+        # a name, or what no file can be called; what is left out of a file the runs tell
+        with suppress(RobustGcpError, OSError, ValueError), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             made = load(build) if Path(build).exists() else build
     if not isinstance(made, Mechanism):
         return build

@@ -146,7 +146,7 @@ def test_what_had_been_simulated_travels_with_the_error() -> None:
 
 def test_a_process_pool_hands_errors_over(monkeypatch: pytest.MonkeyPatch) -> None:
     """An error that cannot be unpickled breaks an executor's pool, and leaves multiprocessing's waiting."""
-    # spawned workers take over sys.path and find this file's functions from the checkout's root
+    # spawned workers take over sys.path and find the function from the checkout's root
     monkeypatch.setattr(sys, "path", [*sys.path, str(Path(__file__).parents[2])])
     context = get_context("spawn")
     with ProcessPoolExecutor(1, context) as executor:

@@ -14,12 +14,12 @@ from robust_gcp.__main__ import main
 from robust_gcp.examples.linkages import n_four_bar
 from robust_gcp.io.loader import models_folder
 from robust_gcp.reports import throughput
-from robust_gcp.reports.peers import compiled
 from robust_gcp.reports.robot_speed import batches, measured
 from robust_gcp.reports.robots import robots_in
 from robust_gcp.reports.throughput import thread_gain
 
 from ..compiled import needs_kernel
+from .test_peers import built
 
 pytestmark = needs_kernel
 
@@ -44,10 +44,7 @@ def test_a_batch_that_stops_early_is_no_measurement() -> None:
     assert np.isfinite(batches(n_four_bar(1, 1.2), 5, 1e-3)()[0])
 
 
-@pytest.mark.skipif(
-    not compiled.path().exists(),  # else it is built here, for minutes
-    reason="Pinocchio's loop is not built: python -m robust_gcp.reports.peers.compiled",
-)
+@built  # else it is built here, for minutes
 def test_robots_of_a_folder_are_timed_beside_pinocchio(tmp_path: Path) -> None:
     """What a step costs is there for each robot that steps; a file that is none is named with its reason."""
     for name in ("crank_rocker", "stewart"):

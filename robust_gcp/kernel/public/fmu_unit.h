@@ -36,8 +36,8 @@ class Unit {
             unit->log_ = std::move(log);
             char why[300] = "";
             unit->mechanism_ = rgcp_open((at + "/mechanism.rgcp").c_str(), why, sizeof why);
-            if (unit->mechanism_ != nullptr) unit->motion_ = rgcp_new(unit->mechanism_, why, sizeof why);
-            if (unit->motion_ == nullptr) return unit->fail(ERROR, why), nullptr;
+            if (unit->mechanism_ == nullptr) return unit->fail(ERROR, why), nullptr;
+            if (unit->reset() != OK) return nullptr;
             const rgcp_counts n = rgcp_count(unit->mechanism_);
             unit->tau_.resize(static_cast<std::size_t>(n.nv)), unit->control_.resize(static_cast<std::size_t>(n.controls));
             std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen((at + "/step.txt").c_str(), "r"), std::fclose);
@@ -66,10 +66,11 @@ class Unit {
         std::fill(tau_.begin(), tau_.end(), 0.0);
         std::fill(control_.begin(), control_.end(), 0.0);
         controlled_ = false, start = 0.0;
-        rgcp_free(motion_);
         char why[300] = "";
-        motion_ = rgcp_new(mechanism_, why, sizeof why);
-        return motion_ != nullptr ? OK : fail(FATAL, why);
+        rgcp_motion* motion = rgcp_new(mechanism_, why, sizeof why);
+        if (motion == nullptr) return fail(ERROR, why);
+        rgcp_free(std::exchange(motion_, motion));
+        return OK;
     }
     double start = 0.0;  // where the experiment begins, which FMI 2.0 tells before the motion does
     double time() const { return rgcp_time(motion_); }

@@ -21,7 +21,7 @@ from ...mechanism.mechanism import Mechanism
 from ...mechanism.tree.tree import Array
 from ...warning import warn
 from ..description import follows_zones
-from ..library import Library, library, look
+from ..library import Library, kernel_or_reason, library
 from ..loop_arrays import NotNativeError
 from .batch import Batch, Looked, Outputs, Within
 from .guard import ErrorControl, Guard, Watch
@@ -52,7 +52,7 @@ def chosen_library(backend: str, method: str, newton_start: str) -> Library | No
         why = f'with method="classical" it knows newton_start="tangent", not {newton_start!r}'
     if backend == "auto":
         return library() if why is None else None
-    found, why = look() if why is None else (None, why)
+    found, why = kernel_or_reason() if why is None else (None, why)
     if found is None:
         raise OptionError(f'backend="native": {why}; use backend="auto" or "python"')
     return found
